@@ -237,6 +237,11 @@ class Script:
         self._steps, self._longest_s = list(steps), longest_s
         self.ended: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
+    def end(self) -> None:
+        """End it as if it were done."""
+        if not self.ended.done():
+            self.ended.set_result(None)
+
     def every_tick(self, flight: Flight) -> None:
         """Go on in the script; FlightTimeoutError in `ended` when it takes too long."""
         if self.ended.done():

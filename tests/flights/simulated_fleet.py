@@ -104,7 +104,7 @@ class Lockstep:
         self._loops.append(loop)
 
     def freeze(self, number: int) -> None:
-        """Stop a vehicle's service (0 is the first): it does nothing more, and its MAVSDK neither."""
+        """Let a vehicle's loop (0 is the first) and its MAVSDK do nothing more."""
         self._frozen.add(number)
         bench = self._room.vehicles[number].bench
         bench.setpoint, bench.heartbeats = None, False
@@ -165,6 +165,12 @@ class FleetFlight:
     room: FleetRoom
     lockstep: Lockstep
     flights: list[Flight]
+    scripts: list[Script]
+
+    def freeze(self, number: int) -> None:
+        """Stop a vehicle's service (0 is the first): it does nothing more, and its script is over."""
+        self.lockstep.freeze(number)
+        self.scripts[number].end()
 
 
 def fleet_config(
@@ -199,8 +205,8 @@ async def fly_fleet(
     """
     room = FleetRoom(len(scripts), seed, tables, step_s)
     lockstep = Lockstep(room)
-    fleet = FleetFlight(room, lockstep, [])
     told = [Script(steps, longest_s) for steps in scripts]
+    fleet = FleetFlight(room, lockstep, [], told)
     for number, script in enumerate(told):
         one = fleet_config(room.fleet.names, number, config, separated)
         flight = _assembled(fleet, number, one, law_of(controller, one), script, watch)

@@ -89,11 +89,12 @@ class _Watched:
 
 def fly_seed(order: Order) -> Outcome:
     """Fly and judge one seed; in a process of its own, or in this one."""
-    gc.disable()  # a flight's ten thousand small values are freed by their counts; cycles are few
+    usual = gc.get_threshold()
+    gc.set_threshold(50_000, 20, 100)  # most of a flight's many small values are freed by their counts
     try:
         return asyncio.run(_fly(order))
     finally:
-        gc.enable()
+        gc.set_threshold(*usual)
 
 
 async def _fly(order: Order) -> Outcome:
@@ -164,7 +165,7 @@ def _operator(order: Order, number: int, room: list[FleetFlight]) -> Operator:
 def limit_of(config: CompanionConfig) -> Limit:
     """Return the cylinder that is judged by: the one that the vehicles keep."""
     separation = config.separation
-    return Limit(separation.radius_m, separation.height_m, 1.0)
+    return Limit(separation.radius_m, separation.height_m, separation.parked_height_m)
 
 
 def _others(fleet: FleetFlight, number: int) -> list[Place]:
@@ -183,7 +184,7 @@ def _let_happen(incident: Incident, fleet: FleetFlight, operators: list[Operator
     if incident.trouble is Trouble.LANDS:
         operator.land(flight, REST_S)
     elif incident.trouble is Trouble.FREEZES:
-        fleet.lockstep.freeze(number)
+        fleet.freeze(number)
         operator.retired = True
         judge.excused.add(number)
     elif incident.trouble is Trouble.SILENT:
