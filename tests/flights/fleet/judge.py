@@ -99,9 +99,9 @@ class Judge:
         first, second = pair
         (x1, y1, z1), (x2, y2, z2) = places[first], places[second]
         beside_m, above_m = math.hypot(x1 - x2, y1 - y2), abs(z1 - z2)
+        if truths[first].on_ground and truths[second].on_ground:
+            return
         stands = truths[second if z2 > z1 else first].on_ground  # the lower one: NED
-        if stands and above_m < 1e-3:
-            return  # both do: neither flies
         height_m = self.limit.parked_height_m if stands else self.limit.height_m
         clearance_m = max(beside_m - self.limit.radius_m, above_m - height_m)
         nearest = clearance_m < self.closest.clearance_m

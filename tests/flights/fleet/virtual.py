@@ -26,6 +26,8 @@ class Order:
     for_s: float
     faults: bool = True
     keeps_trail: bool = False
+    incidents: tuple[Incident, ...] = ()
+    """Instead of those of the seed."""
 
 
 @dataclass
@@ -102,7 +104,8 @@ async def _fly(order: Order) -> Outcome:
     room: list[FleetFlight] = []
     judges: list[Judge] = []
     operators = [_operator(order, number, room) for number in range(order.vehicles)]
-    incidents = incidents_of(order.seed, order.vehicles, order.for_s) if order.faults else []
+    drawn = incidents_of(order.seed, order.vehicles, order.for_s) if order.faults else []
+    incidents = list(order.incidents) or drawn
     happened: list[str] = []
     config = CompanionConfig(flight=BRISK)
 
