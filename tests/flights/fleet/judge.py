@@ -72,7 +72,7 @@ class Judge:
     """Every time that a pair came inside, with the deepest point of it."""
     blocked: Blocked = field(default_factory=Blocked)
     trail: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT))
-    """What all did in the last seconds, for a person."""
+    """Places and phases of the last seconds, for a person."""
     keeps_trail: bool = False
     excused: set[int] = field(default_factory=set)
     """Vehicles whose motion nobody commands any more: they are looked at, and not judged as blocked."""

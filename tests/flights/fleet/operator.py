@@ -25,7 +25,7 @@ HEIGHTS_M = (0.6, 2.6)
 FASTEST_MPS = 1.2
 """Of a track."""
 SPOT_M = 0.4
-"""How near a goto across another vehicle leads to it."""
+"""Largest distance per axis of a goto across another vehicle from it."""
 AGAIN_S = 0.5
 """Time from a refusal to the next command."""
 PATIENCE = 2
@@ -48,7 +48,7 @@ class Operator:
     until_s: float
     counts: Counter[str] = field(default_factory=Counter)
     refusals: Counter[str] = field(default_factory=Counter)
-    """Why commands were refused, without their numbers."""
+    """Reasons of refused commands, without their numbers."""
     rests_until_s: float = 0.0
     """Until then it gives no command to a vehicle on the ground."""
     retired = False

@@ -1,4 +1,4 @@
-"""What goes wrong in the flights of one seed: which vehicle, when, and how. Drawn from the seed."""
+"""Incidents of the flights of one seed: which vehicle fails, when, and how. Drawn from the seed."""
 
 import random
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ class Trouble(StrEnum):
 
 
 REST_S = 25.0
-"""How long a vehicle that was told to land stays down."""
+"""Time that a vehicle which was told to land stays down."""
 SILENT_S = 12.0
 LOST_S = 6.0
 

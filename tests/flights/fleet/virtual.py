@@ -19,7 +19,7 @@ from tests.flights.simulated_fleet import FleetFlight, fly_fleet
 
 @dataclass(frozen=True)
 class Order:
-    """What is to be flown."""
+    """The flights of one seed: vehicles, time, incidents."""
 
     seed: int
     vehicles: int
@@ -32,7 +32,7 @@ class Order:
 
 @dataclass
 class Outcome:
-    """What became of the flights of a seed."""
+    """Measurements and problems of the flights of one seed."""
 
     seed: int
     vehicles: int
@@ -45,7 +45,7 @@ class Outcome:
     counts: dict[str, int]
     refusals: dict[str, int]
     faults: dict[str, int]
-    """How often each row of the fault table began, over all vehicles."""
+    """Number of times that each row of the fault table began, over all vehicles."""
     flown_m: float
     cpu_s: float
     raised: str = ""
@@ -68,7 +68,7 @@ class Outcome:
 
 @dataclass
 class _Watched:
-    """What is counted at every tick."""
+    """Counters that every tick adds to."""
 
     faults: Counter[str] = field(default_factory=Counter)
     flown_m: float = 0.0
