@@ -33,7 +33,10 @@ def test_a_fault_is_shown_with_reason_and_reaction_within_300_ms(browser: Browse
             delays_ms.append(page.evaluate("window.shownMs - window.faultMs"))
             assert fault.evaluate("node => node.getBoundingClientRect().top < innerHeight"), "without scrolling"
             three.vehicle().recover("mocap slow")
-            expect(page.locator("#faults")).to_contain_text("Why")  # it still lands because of it
+            expect(page.locator("#faults")).to_contain_text("Why: only 41")  # it still lands because of it
+            three.fly(3.0)
+            expect(page.locator("#faults")).to_contain_text("The flight ended: only 41")
+            expect(page.locator("#now")).to_have_attribute("data-tone", "warn")
     assert max(delays_ms) < FAULT_MS, delays_ms
     assert min(delays_ms) >= 0.0
 

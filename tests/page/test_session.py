@@ -143,3 +143,31 @@ def test_commands_go_to_one_vehicle_or_to_all_that_are_chosen(browser: Browser, 
         press(page, "abort")
         three.fly(2.0)
         assert [command["vehicle"] for command in three.commands[7:]] == [names[2]]
+
+
+def test_vehicles_stand_in_the_servers_order_and_a_later_one_takes_no_commands(
+    browser: Browser, three: FakeServer
+) -> None:
+    hello = {"type": "hello", "can_command": True, "password": False, "version": "0.1.0", "time_s": 0.0}
+    first, second, third = three.names
+    three.publishing = False
+    with opened(browser, three.url, "tablet", by_hand=True) as page:
+
+        def greets(*names: str) -> None:
+            three.send({**hello, "vehicles": names})
+            page.wait_for_timeout(50)  # until it has come
+            page.clock.run_for(200)
+            expect(page.locator(".card .name")).to_have_text(list(names))
+
+        while page.evaluate("window.heardMs") is None:
+            page.wait_for_timeout(20)
+        greets(second, third)
+        expect(page.locator("#whom-one")).to_have_text(second)
+        greets(first, second)  # found a moment later
+        expect(page.locator("#whom-one")).to_have_text(first)
+        page.clock.run_for(2500)
+        greets(third, first)  # a vehicle that comes later
+        expect(page.locator("#whom-one")).to_have_text(first)
+        page.locator(".card button").nth(0).click()
+        greets(second, third)
+        expect(page.locator("#whom-one")).to_have_text(third)

@@ -37,6 +37,7 @@ export class Cards {
     button.append(symbol("none"), parts.name, parts.word, parts.line, parts.fault);
     button.addEventListener("click", () => {
       this.fleet.look(name);
+      this.fleet.chosen = true;
       this.onChange();
     });
     parts.box.type = "checkbox";
@@ -50,6 +51,7 @@ export class Cards {
 
   /** @param {string} name @param {boolean} on */
   choose(name, on) {
+    this.fleet.chosen = true;
     if (on) this.fleet.selected.add(name);
     else this.fleet.selected.delete(name);
     this.onChange();
@@ -85,6 +87,7 @@ export class Cards {
       this.onChange();
     });
     all.addEventListener("click", () => {
+      this.fleet.chosen = true;
       this.fleet.selected = new Set(names);
       this.onChange();
     });

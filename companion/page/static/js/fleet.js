@@ -4,6 +4,8 @@ import { isInAir } from "./words.js";
 
 /** Length of trails and curves, s. */
 export const SPAN_S = 60;
+/** Vehicles that are found within this time may come first; one that comes later never moves what buttons command. */
+const FIRST_MS = 2000;
 const MOST_EVENTS = 200;
 const MOST_SAMPLES = 1000;
 
@@ -122,6 +124,10 @@ export class Fleet {
   constructor() {
     /** @type {Map<string, Vehicle>} */ this.vehicles = new Map();
     this.focusName = "";
+    /** The vehicle in view, or those that commands go to, were chosen, and not only found first. */
+    this.chosen = false;
+    /** Time of the first greeting, ms. */
+    this.firstMs = Infinity;
     /** @type {Set<string>} Names of the vehicles that commands go to. */
     this.selected = new Set();
     this.canCommand = false;
@@ -183,13 +189,15 @@ export class Fleet {
 
   /** @param {any} hello */
   greet(hello) {
+    if (!this.greeted) this.firstMs = performance.now();
     this.greeted = true;
     this.canCommand = hello.can_command;
     this.password = hello.password;
     this.version = hello.version;
-    for (const name of hello.vehicles) this.vehicle(name);
-    for (const name of this.vehicles.keys()) if (!hello.vehicles.includes(name)) this.vehicles.delete(name);
-    if (!this.vehicles.has(this.focusName)) this.look(hello.vehicles[0] ?? "");
+    const before = this.vehicles;
+    this.vehicles = new Map(hello.vehicles.map((/** @type {string} */ name) => [name, before.get(name) ?? new Vehicle(name)]));
+    const begins = !this.chosen && performance.now() - this.firstMs < FIRST_MS;
+    if (begins || !this.vehicles.has(this.focusName)) this.look(hello.vehicles[0] ?? "");
     for (const name of this.selected) if (!this.vehicles.has(name)) this.selected.delete(name);
   }
 }

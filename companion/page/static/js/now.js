@@ -58,7 +58,8 @@ function faultRows(vehicle) {
   const { state } = vehicle;
   const told = rows.some((row) => state?.reason && row.text === state.reason);
   if (state !== null && endedByFault(vehicle) && !told) {
-    rows.push({ name: "Why", text: state.reason, reaction: "", tone: "alarm" });
+    const over = state.phase === "disarmed";
+    rows.push({ name: over ? "The flight ended:" : "Why:", text: state.reason, reaction: "", tone: over ? "warn" : "alarm" });
   }
   for (const text of state?.warnings ?? []) rows.push({ name: "warning", text, reaction: "", tone: "warn" });
   return rows.sort((one, other) => Number(one.tone === "warn") - Number(other.tone === "warn"));

@@ -64,9 +64,9 @@ export function look(vehicle) {
   const phase = phaseLook(state.phase);
   let tone = phase.tone;
   const reactions = [...vehicle.faults.values()].map((fault) => fault.reaction);
-  const failed = reactions.some((reaction) => reaction !== "warn") || endedByFault(vehicle);
-  if (failed) tone = "alarm";
-  else if (reactions.length > 0 || state.warnings?.length > 0) tone = "warn";
+  const ended = endedByFault(vehicle);
+  if (reactions.some((reaction) => reaction !== "warn") || (ended && state.phase !== "disarmed")) tone = "alarm";
+  else if (reactions.length > 0 || ended || state.warnings?.length > 0) tone = "warn";
   return { symbol: phase.symbol, tone, word: state.phase };
 }
 
@@ -92,7 +92,8 @@ export function doingWords(state) {
 
 /** @param {number | null | undefined} value @param {number} digits @param {string} unit */
 export function number(value, digits, unit) {
-  return value === null || value === undefined || !Number.isFinite(value) ? "–" : `${value.toFixed(digits)}${unit}`;
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  return `${value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1")}${unit}`;
 }
 
 /** @param {number} seconds Unix time */
