@@ -1,4 +1,4 @@
-"""`python -m benchmarks`: latency beside a bare relay, steps, CPU, memory, arms' bus, record; `--help` for options."""
+"""`python -m benchmarks`: latency beside a bare relay, steps, CPU, memory, arms' bus, record, page; see `--help`."""
 
 import json
 from enum import StrEnum
@@ -12,6 +12,7 @@ from rich.status import Status
 
 from benchmarks.arms import measure_arms
 from benchmarks.flights import measure_footprint, measure_latency
+from benchmarks.flood import measure_flood
 from benchmarks.machine import this_machine
 from benchmarks.onlookers import measure_onlookers
 from benchmarks.results import Results, as_markdown, print_results
@@ -22,6 +23,7 @@ from companion.core.interfaces import CompanionError
 
 RESULTS = Path(__file__).with_name("RESULTS.md")
 RATES_HZ = (100.0, 250.0)
+PAGES = 200
 
 
 class Part(StrEnum):
@@ -32,6 +34,7 @@ class Part(StrEnum):
     PROCESS = "process"
     ARMS = "arms"
     RECORDS = "records"
+    PAGE = "page"
 
 
 def bench(
@@ -70,6 +73,8 @@ def _measure(console: Console, quick: bool, parts: set[Part]) -> Results:
             _arms(results, status)
         if Part.RECORDS in parts:
             _records(results, status)
+        if Part.PAGE in parts:
+            _pages(results, status)
     return results
 
 
@@ -109,6 +114,12 @@ def _records(results: Results, status: Status) -> None:
     for_s = 6.0 if results.quick else 30.0
     measured = measure_onlookers(RATES_HZ[0], for_s, lambda what: status.update(f"record and telemetry: {what}"))
     results.onlookers.append(uvloop.run(measured))
+
+
+def _pages(results: Results, status: Status) -> None:
+    turns = [1.0, 1.0] if results.quick else [5.0] * 6
+    measured = measure_flood(RATES_HZ[0], PAGES, turns, lambda what: status.update(f"open pages: {what}"))
+    results.floods.append(uvloop.run(measured))
 
 
 if __name__ == "__main__":

@@ -172,11 +172,11 @@ async def _relay(plan: FlightPlan) -> AsyncIterator[RelayEnd | None]:
 
 
 @asynccontextmanager
-async def python_process(module: str, argument: str) -> AsyncIterator[asyncio.subprocess.Process]:
+async def python_process(module: str, *arguments: str) -> AsyncIterator[asyncio.subprocess.Process]:
     """A module as a process of its own, killed at the end if it has not ended."""
     pipe = asyncio.subprocess.PIPE
     process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", module, argument, stdin=pipe, stdout=pipe, stderr=pipe
+        sys.executable, "-m", module, *arguments, stdin=pipe, stdout=pipe, stderr=pipe
     )
     try:
         yield process

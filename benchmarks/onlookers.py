@@ -39,14 +39,14 @@ async def measure_onlookers(rate_hz: float, for_s: float, say: Progress) -> Onlo
     plan, ports = FlightPlan(rate_hz, True, False, for_s), free_ports()
     async with simulated_room(mock_config(plan, ports), Stamps(), None):
         say("taking off")
-        async with hovering("benchmarks.onlooked", _patient(task_of(plan, ports))) as process:
+        async with hovering("benchmarks.onlooked", patient(task_of(plan, ports))) as process:
             say(f"hovering for {for_s:g} s")
             await asyncio.sleep(for_s)
             took_s = json.loads(await end(process))
     return OnlookersCost(rate_hz, *(spread([1e6 * value for value in took_s[name]]) for name in (NOBODY, RECORD, ALL)))
 
 
-def _patient(task: Task) -> Task:
+def patient(task: Task) -> Task:
     """Only the length of a tick counts: a busy computer, whose frames come late, need not end the flight."""
     data = task.config.model_dump()
     data["safety"] |= {"silent_s": 0.5, "delayed_s": 0.3, "autopilot_silent_s": 2.0}

@@ -8,12 +8,14 @@ from rich.table import Table
 
 from benchmarks.arms import ArmsCost
 from benchmarks.flights import Footprint, Latency
+from benchmarks.flood import FloodCost
 from benchmarks.machine import Machine
 from benchmarks.onlookers import OnlookersCost
 from benchmarks.steps import StageCost, StepCost
 from benchmarks.targets import (
     Target,
     arms_targets,
+    flood_targets,
     footprint_targets,
     latency_targets,
     onlookers_targets,
@@ -37,6 +39,7 @@ class Results:
     footprints: list[Footprint] = field(default_factory=list)
     arms: list[ArmsCost] = field(default_factory=list)
     onlookers: list[OnlookersCost] = field(default_factory=list)
+    floods: list[FloodCost] = field(default_factory=list)
 
     def targets(self) -> list[Target]:
         """Every target that this run can speak of."""
@@ -46,6 +49,7 @@ class Results:
             *(target for footprint in self.footprints for target in footprint_targets(footprint)),
             *(target for cost in self.arms for target in arms_targets(cost)),
             *(target for onlookers in self.onlookers for target in onlookers_targets(onlookers)),
+            *(target for flood in self.floods for target in flood_targets(flood)),
         ]
 
     def as_dict(self) -> dict[str, Any]:
@@ -57,7 +61,7 @@ class Results:
     def sections(self) -> list[Section]:
         """Return the tables of all sections as text."""
         measured = (self._latencies(), self._steps(), self._stages(), self._footprints(), self._arms())
-        tables = (self._targets(), *measured, self._onlookers())
+        tables = (self._targets(), *measured, self._onlookers(), self._floods())
         return [table for table in tables if table[2]]
 
     def _targets(self) -> Section:
@@ -123,6 +127,21 @@ class Results:
         ]
         return "A whole tick, us, by who looks on", ("", "least", "median", "p90", "p99", "most"), rows
 
+    def _floods(self) -> Section:
+        rows = [
+            (
+                f"{name}, {cost.rate_hz:g} Hz",
+                *(f"{v:.0f}" for v in (s.least, s.median, s.p90, s.p99, s.most)),
+                f"{lost}",
+            )
+            for cost in self.floods
+            for name, s, lost in (
+                (f"no page open, {cost.rate_hz:g} Hz", cost.alone_us, cost.dropped_alone),
+                (f"{cost.pages} pages open, {cost.rate_hz:g} Hz", cost.flooded_us, cost.dropped),
+            )
+        ]
+        return "A whole tick, us, by open pages", ("", "least", "median", "p90", "p99", "most", "frames dropped"), rows
+
 
 def _number(value: float, unit: str) -> str:
     return f"{value:.3g} {unit}".strip()
@@ -181,5 +200,7 @@ _NOTES = """## How it is measured
   servos' simulation shares the two cores, which real servos do not.
 - **Who looks on**: whole ticks of one hover, each ten under one group of onlookers, then the next. Rows of the record
   are encoded ten at a time, after the setpoint has left: the median does not show that tick, the 90th percentile does.
+- **Open pages**: one hover with the embedded broker and the page's server beside it, in turns without a page and with
+  200 of them open, which read every message. Service, mocks, broker, server and browsers share the cores.
 - **Process**: `psutil` over a hover under `practical.toml`; the mocks are not in it.
 """.splitlines()

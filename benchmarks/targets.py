@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from benchmarks.arms import ArmsCost
 from benchmarks.flights import Footprint, Latency
+from benchmarks.flood import FloodCost
 from benchmarks.onlookers import OnlookersCost
 from benchmarks.steps import StepCost
 
@@ -19,6 +20,10 @@ ARMS_LATE_RATIO = 1.1
 
 
 ONLOOKERS_SHARE = 0.10
+
+FLOOD_SHARE = 0.05
+LEAST_STATES_PER_S = 9.0
+"""Ten are sent."""
 
 
 @dataclass(frozen=True)
@@ -87,3 +92,13 @@ def onlookers_targets(cost: OnlookersCost) -> list[Target]:
     """Return the targets for the growth of the median tick."""
     what = f"record and telemetry at {cost.rate_hz:g} Hz, of the tick's median"
     return [Target(what, 100.0 * cost.all_share, 100.0 * ONLOOKERS_SHARE, "%")]
+
+
+def flood_targets(cost: FloodCost) -> list[Target]:
+    """Return the targets for a flight that many pages look at."""
+    what = f"{cost.pages} open pages at {cost.rate_hz:g} Hz"
+    return [
+        Target(f"{what}, of the tick's median", 100.0 * cost.share, 100.0 * FLOOD_SHARE, "%"),
+        Target(f"{what}, frames dropped", cost.dropped, 0.0),
+        Target(f"{what}, states a second on each", cost.states_per_s, LEAST_STATES_PER_S, at_least=True),
+    ]

@@ -70,7 +70,7 @@ class PageSocket:
             try:
                 async with asyncio.timeout(_UNREAD_S):
                     await self._socket.send_text(frame)
-            except TimeoutError:
+            except (TimeoutError, RuntimeError):  # the latter when uvicorn has closed it: no pong, a broken frame
                 return
         self._code = _TRY_AGAIN
 

@@ -134,6 +134,8 @@ class OpenPage:
         self.closed: int | None = None
         """Code with which the server closed it."""
         self.reads = True
+        self.cut = False
+        """The server has closed it by itself, as uvicorn does when no pong comes."""
 
     def say(self, **fields: object) -> None:
         """Send a message."""
@@ -173,6 +175,8 @@ async def _run(app: ASGIApp, scope: dict[str, Any], page: OpenPage) -> None:
     async def send(message: Message) -> None:
         if not page.reads:
             await asyncio.Event().wait()
+        if page.cut:
+            raise RuntimeError("Unexpected ASGI message 'websocket.send', after sending 'websocket.close'.")
         if message["type"] == "websocket.send":
             page.heard.append(json.loads(message["text"]))
         elif message["type"] == "websocket.accept":

@@ -182,6 +182,14 @@ async def test_a_page_that_does_not_read_is_given_up(monkeypatch: pytest.MonkeyP
                 await asyncio.sleep(0.001)
 
 
+async def test_a_page_that_the_server_has_cut_ends_quietly() -> None:
+    site = Site()
+    async with site.page() as page:
+        page.cut = True
+        site.hub.beat()
+    assert site.hub.pages == 0, "and no error was raised"
+
+
 async def test_one_page_too_many_is_refused_and_an_operators_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(page_app_module, "MOST_PAGES", 2)
     site = Site()

@@ -169,6 +169,21 @@ async def test_a_page_that_stops_reading_gets_the_newest_and_is_then_cut(monkeyp
                     pass
 
 
+async def test_a_broken_frame_ends_its_page_alone(caplog: pytest.LogCaptureFixture) -> None:
+    async with served() as page, page.open() as other:
+        host = f"127.0.0.1:{page.port}"
+        reader, writer = await page.raw(handshake(host, f"http://{host}"))
+        await reader.readuntil(b"\r\n\r\n")
+        writer.write(b"\xff\xff\xff\xff")
+        for _ in range(20):
+            page.site.hub.beat()
+            await asyncio.sleep(0.001)
+        await ended(reader)
+        writer.close()
+        assert (await first(other, "beat"))["time_s"]
+    assert [record.message for record in caplog.records if record.levelname == "ERROR"] == []
+
+
 async def test_who_connects_and_says_nothing_is_cut(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(wire, "_REQUEST_S", 0.1)
     async with served() as page:
