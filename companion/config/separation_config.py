@@ -23,7 +23,10 @@ class SeparationConfig(Section):
     )
 
     parked_height_m: float = Field(
-        1.0, ge=0.3, le=10.0, description="the same above a vehicle that stands on the ground, m"
+        1.0,
+        ge=0.3,
+        le=10.0,
+        description="the same above a vehicle that stands on the ground; at most height_m counts, m",
     )
     parked_below_m: float = Field(
         0.35, ge=0.0, le=2.0, description="height in W below which a vehicle that does not move stands on the ground, m"
@@ -38,11 +41,6 @@ class SeparationConfig(Section):
             raise ValueError(f"order has {twice[0]!r} twice: give each vehicle's body once")
         if len(self.order) == 1:
             raise ValueError("order names one vehicle: give the bodies of all, or leave it out")
-        if self.parked_height_m > self.height_m:
-            raise ValueError(
-                f"parked_height_m = {self.parked_height_m:g} must be at most height_m = {self.height_m:g}: no air "
-                "streams down from a vehicle that is parked"
-            )
         return self
 
     def others_than(self, body: str) -> tuple[str, ...]:
@@ -56,7 +54,7 @@ class SeparationConfig(Section):
         cylinder = Separation(
             radius_m=self.radius_m,
             height_m=self.height_m,
-            parked_height_m=self.parked_height_m,
+            parked_height_m=min(self.parked_height_m, self.height_m),
             braking_mps2=braking_mps2,
             reaction_s=reaction_s,
         )

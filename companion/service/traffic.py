@@ -9,14 +9,20 @@ import numpy as np
 
 from companion.config.separation_config import SeparationConfig
 from companion.core.errors import FlightError
-from companion.core.types import Array
+from companion.core.types import Array, OtherVehicle
 from companion.flight.flight_loop import FlightLoop
+from companion.guard.separation import Separation
 from companion.protocol.intent import MOST_KNOTS, Intent
 from companion.supervisor.flight_state import FlightState, TrackRequest
+from companion.supervisor.safety_rules import SafetyRules
+from companion.supervisor.separation import objection
 from companion.supervisor.state_machine import reference_at
 from companion.trajectories.encounter import Crossing, Cylinder, Meeting, crossing, meeting
 from companion.trajectories.timed_path import TimedPath, sampled
 
+_RULES = SafetyRules()
+_SEEN_STEP_S = 0.1
+"""Time between two points of a way that is compared with the vehicles that are seen."""
 _MILLIMETRE = 3
 """Decimals of the positions and times that are announced."""
 
@@ -45,6 +51,11 @@ class Traffic:
         """`announce` publishes the own way, `intents` returns those of the vehicles that are heard now."""
         self._order, self._body, self._session = separation.order, body, session
         self._cylinder = Cylinder(separation.radius_m, separation.height_m)
+        self._clear = Separation(
+            radius_m=separation.radius_m,
+            height_m=separation.height_m,
+            parked_height_m=min(separation.parked_height_m, separation.height_m),
+        ).widened(_RULES.yield_margin_m)
         self._announce, self._intents = announce, intents
 
     async def way(self, loop: FlightLoop, request: TrackRequest) -> Way:
@@ -54,11 +65,12 @@ class Traffic:
         """
         if not self._order or loop.refusal(request):
             return Way()
-        flight = loop.preview(request)
-        return await asyncio.to_thread(self._compared, flight)
+        flight, vehicle = loop.preview(request), loop.estimate.vehicle
+        return await asyncio.to_thread(self._compared, flight, () if vehicle is None else vehicle.others)
 
-    def _compared(self, flight: FlightState) -> Way:
+    def _compared(self, flight: FlightState, others: Sequence[OtherVehicle]) -> Way:
         path, notes = _path_of(flight), []
+        self._require_clear(path, others)
         for intent in self._intents():
             if intent.body == self._body or intent.body not in self._order:
                 continue
@@ -70,6 +82,14 @@ class Traffic:
             if crossed is not None:
                 notes.append(self._note(intent, crossed))
         return Way(path, "; ".join(notes))
+
+    def _require_clear(self, path: TimedPath, others: Sequence[OtherVehicle]) -> None:
+        """Raise FlightError where a way, as a whole, leads too near another vehicle as motion capture sees it now."""
+        times_s = np.arange(0.0, path.times_s[-1] + _SEEN_STEP_S, _SEEN_STEP_S)
+        points = tuple((x, y, z) for x, y, z in path.at(times_s).tolist())
+        why = objection(points, _SEEN_STEP_S, others, self._clear, _RULES.yield_ahead_s)
+        if why:
+            raise FlightError(f"another vehicle is in the way: {why}")
 
     def _rejection(self, intent: Intent, met: Meeting) -> str:
         return (

@@ -48,7 +48,7 @@ class SafetyRules:
     yield_margin_m: float = 0.3
     """Beyond the cylinder, for the vehicle that yields: it stops 0.2 m before the first one would have to."""
     yield_ahead_s: float = 2.5
-    """Vehicles at 1 m/s that would meet at right angles are 5 m apart by then: time to stop clear of the other's way."""
+    """Vehicles at 1 m/s that would meet at right angles are 5 m apart by then: time to stop clear of the other."""
     yield_s: float = 4.0
     """With 6 s for a landing from 1.5 m, nobody waits for more than 10 s."""
     other_unseen_s: float = 0.5

@@ -3,12 +3,14 @@
 import itertools
 import json
 import time
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from companion.config.companion_config import CompanionConfig
 from companion.config.separation_config import SeparationConfig
+from companion.core.types import OtherBody
 from companion.protocol.commands import COMMAND
 from companion.protocol.intent import Intent
 from companion.protocol.telemetry import Answer, Reply
@@ -50,7 +52,8 @@ async def do(dispatcher: CommandDispatcher, verb: str, **arguments: Any) -> list
 async def test_ways_are_compared_before_they_begin_and_announced_while_they_are_flown() -> None:
     config, air = CompanionConfig(flight=BRISK), Airspace()
     traffic = Traffic(ORDER, "dauam", SESSION, air.announce, lambda: air.others)
-    async with served(Room(1), config) as one:
+    room = Room(1)
+    async with served(room, config) as one:
         await one.until(BOOTED_S)
         dispatcher = CommandDispatcher(config, lambda _: None, str, traffic)
         async with dispatcher.serving(one.service):
@@ -82,7 +85,22 @@ async def test_ways_are_compared_before_they_begin_and_announced_while_they_are_
             assert began is not None
             assert (began.body, began.verb, began.session) == ("dauam", "goto", SESSION)
             assert began.knots[-1][1:] == (0.6, 0.0, 0.8)
+
+            show(room, OtherBody("last", (0.6, -1.5, 0.8)))
+            await one.until(room.now_s() + 0.5)
+            (refused,) = await do(dispatcher, "goto", x_m=0.6, y_m=-1.2, z_m=0.8)
+            assert refused.answer is Answer.REFUSED
+            assert refused.text.startswith(
+                "another vehicle is in the way: it leads within 0.30 m of 'last', which flies at 0.6 -1.5 0.8; at "
+                "least 0.80 m are needed"
+            )
             await one.service.land()
+
+
+def show(room: Room, other: OtherBody) -> None:
+    """Let motion capture see another vehicle from now on."""
+    take = room.take
+    room.take = lambda seen: take(replace(seen, others=(other,)))  # type: ignore[method-assign]
 
 
 async def test_without_separation_nothing_is_compared_or_announced() -> None:
