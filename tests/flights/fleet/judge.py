@@ -4,6 +4,7 @@ import math
 from collections import deque
 from dataclasses import dataclass, field
 
+from companion.supervisor.faults import Fault
 from companion.supervisor.flight_state import Phase
 from mock_autopilot.mavlink.streams import TICK_S
 from mock_autopilot.physics.truth import Truth
@@ -134,7 +135,8 @@ class Judge:
     def _moves(self, number: int, place: Place, time_s: float) -> None:
         """Note how long a vehicle that has something to do has waited in its place, in the air or for its takeoff.
 
-        A landing, and what is done on the ground before a takeoff, is no waiting.
+        A landing, and what is done on the ground before a takeoff, is no waiting; nor is a hold while another vehicle
+        is not seen, which the table of faults asks for.
         """
         flight, operator = self.fleet.flights[number], self.operators[number]
         anchor = self._anchors.get(number)
@@ -143,7 +145,8 @@ class Judge:
             self._anchors[number] = _Anchor(place)
             return
         assert anchor is not None
-        if flight.phase in WAITING and (flight.loop.flight.airborne or operator.takeoff_refused):
+        held = any(event.fault is Fault.OTHER_UNSEEN for event in flight.loop.events)
+        if flight.phase in WAITING and not held and (flight.loop.flight.airborne or operator.takeoff_refused):
             anchor.waited_s += EVERY * STEP_S
         if anchor.waited_s > self.blocked.for_s:
             name, reason = self.fleet.room.fleet.names[number], flight.loop.flight.reason

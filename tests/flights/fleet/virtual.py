@@ -184,6 +184,7 @@ def _let_happen(incident: Incident, fleet: FleetFlight, operators: list[Operator
     """Let a trouble begin; return it as a line."""
     number = incident.vehicle
     flight, operator = fleet.flights[number], operators[number]
+    phase = flight.phase
     if incident.trouble is Trouble.LANDS:
         operator.land(flight, REST_S)
     elif incident.trouble is Trouble.FREEZES:
@@ -194,4 +195,4 @@ def _let_happen(incident: Incident, fleet: FleetFlight, operators: list[Operator
         flight.room.inject(f"link off for {SILENT_S:g} s")
     else:
         flight.room.inject(f"mocap wrong (lost) for {LOST_S:g} s")
-    return f"{incident.at_s:.1f} s: {fleet.room.fleet.names[number]} {incident.trouble} in {flight.phase}"
+    return f"{incident.at_s:.1f} s: {fleet.room.fleet.names[number]} {incident.trouble} in {phase}"
