@@ -1,12 +1,14 @@
 // A canvas that is as sharp as the screen.
 
 /**
- * Fit a canvas's pixels to its size on the screen; return its context in CSS pixels, cleared, or null if it is hidden.
+ * Fit a canvas's pixels to its size on the screen; return its context in CSS pixels, cleared, or null if nobody sees it.
  * @param {HTMLCanvasElement} canvas
  */
 export function begin(canvas) {
+  const { top, bottom } = canvas.getBoundingClientRect();
   const width = canvas.clientWidth;
   const height = canvas.clientHeight;
+  if (bottom < 0 || top > innerHeight) return null;
   const context = canvas.getContext("2d");
   if (context === null || width === 0 || height === 0) return null;
   const scale = window.devicePixelRatio || 1;

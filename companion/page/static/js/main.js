@@ -18,9 +18,14 @@ import { showStale } from "./stale.js";
 import { startTheme } from "./theme.js";
 
 /** A tick also shows that nothing comes. */
-const TICK_MS = 100;
-/** Least time between two drawings of everything: a tablet's battery flies, too. */
-const REST_MS = 40;
+const TICK_MS = 50;
+const QUIET_MS = 240;
+/** Ages in milliseconds cannot be read faster. */
+const LINKS_MS = 300;
+/** Least time between two drawings of what comes ten times a second: the page may share a computer with a flight. */
+const REST_MS = 90;
+/** Messages that wait for the next drawing; all others are drawn at once. */
+const ROUTINE = ["state", "beat"];
 
 const fleet = new Fleet();
 const link = new Link(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/ws`, take, changed);
@@ -34,13 +39,16 @@ const plots = makePlots(byId("plots"));
 let follow = false;
 let asked = 0;
 let drawnMs = 0;
+let soon = false;
+let linksMs = -Infinity;
 
 /** Take one message of the server. @param {any} message */
 function take(message) {
   if (["reply", "error", "confirm"].includes(message.type)) commands.take(message);
   else fleet.take(message);
   if (message.type === "reply" && message.verb === "preflight") keepChecks(message);
-  wake();
+  if (!ROUTINE.includes(message.type)) wake();
+  else if (message.type === "state") soon = true;
 }
 
 /** Keep the list of a preflight, also while it runs. @param {any} reply */
@@ -73,12 +81,17 @@ function wake() {
 
 function frame() {
   asked = 0;
-  if (performance.now() - drawnMs < REST_MS) {
-    wake();
-    return;
-  }
+  soon = false;
   drawnMs = performance.now();
   draw();
+}
+
+/** Draw what has come since the last drawing; while nothing comes, say so in time. */
+function tick() {
+  const silentS = (performance.now() - link.heardMs) / 1000;
+  const quiet = performance.now() - drawnMs > QUIET_MS;
+  if ((soon && performance.now() - drawnMs > REST_MS) || quiet) wake();
+  else showStale(fleet, link, silentS);
 }
 
 function draw() {
@@ -91,7 +104,10 @@ function draw() {
   controls.show();
   kill.show();
   showChecks(vehicle);
-  showLinks(fleet, silentS, link.open);
+  if (performance.now() - linksMs > LINKS_MS) {
+    linksMs = performance.now();
+    showLinks(fleet, silentS, link.open);
+  }
   showLog(vehicle, commands.entries);
   drawPlots(plots, vehicle);
   drawPlan(byId("plan"), fleet);
@@ -132,8 +148,8 @@ function listen() {
     if (place !== null) controls.choose(place);
     wake();
   });
-  addEventListener("resize", wake);
-  setInterval(wake, TICK_MS);
+  for (const event of ["resize", "scroll"]) addEventListener(event, wake, { passive: true });
+  setInterval(tick, TICK_MS);
 }
 
 startTheme(wake);
