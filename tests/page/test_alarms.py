@@ -41,6 +41,18 @@ def test_a_fault_is_shown_with_reason_and_reaction_within_300_ms(browser: Browse
     assert min(delays_ms) >= 0.0
 
 
+def test_a_vehicle_that_is_not_in_view_shows_what_it_reacts_to(browser: Browser, three: FakeServer) -> None:
+    with opened(browser, three.url) as page:
+        expect(page.locator(".card .word")).to_have_text(["standby"] * 3)
+        three.vehicle(1).fail("broker gone", "no connection to the broker", "warn")
+        three.vehicle(2).fail("traffic", "1.4 m from dauam-1 in 0.8 s", "hold")
+        expect(page.locator("#faults .fault")).to_have_count(1)
+        expect(page.locator("#faults .fault")).to_contain_text(
+            "dauam-3: traffic 1.4 m from dauam-1 in 0.8 s→ it brakes"
+        )
+        expect(page.locator("#now")).to_have_attribute("data-tone", "idle")
+
+
 def test_a_warning_is_a_warning_and_ends(browser: Browser, one: FakeServer) -> None:
     with opened(browser, one.url) as page:
         one.vehicle().fail("broker gone", "no connection to the broker for 2.1 s", "warn")

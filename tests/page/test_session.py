@@ -137,8 +137,10 @@ def test_commands_go_to_one_vehicle_or_to_all_that_are_chosen(browser: Browser, 
         expect(page.locator(".card .word")).to_have_text(["hold", "disarmed", "hold"])
         expect(page.locator("#phase")).to_have_text("disarmed")
 
-        page.locator(".card input").nth(1).uncheck()
+        page.locator(".card input").nth(1).click()
+        expect(page.locator("#targets")).to_have_text(f"to {names[1]}")  # never to nobody
         page.locator(".card input").nth(2).check()
+        page.locator(".card input").nth(1).uncheck()
         expect(page.locator("#targets")).to_have_text(f"to {names[2]}")
         press(page, "abort")
         three.fly(2.0)

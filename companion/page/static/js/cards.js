@@ -54,6 +54,7 @@ export class Cards {
     this.fleet.chosen = true;
     if (on) this.fleet.selected.add(name);
     else this.fleet.selected.delete(name);
+    if (this.fleet.selected.size === 0) this.fleet.selected.add(this.fleet.focusName); // never nobody: Land must land
     this.onChange();
   }
 

@@ -199,5 +199,6 @@ export class Fleet {
     const begins = !this.chosen && performance.now() - this.firstMs < FIRST_MS;
     if (begins || !this.vehicles.has(this.focusName)) this.look(hello.vehicles[0] ?? "");
     for (const name of this.selected) if (!this.vehicles.has(name)) this.selected.delete(name);
+    if (this.selected.size === 0 && this.focusName !== "") this.selected.add(this.focusName);
   }
 }

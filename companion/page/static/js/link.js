@@ -16,6 +16,7 @@ export class Link {
     this.onChange = onChange;
     /** Time of the last message, ms of performance.now(). */
     this.heardMs = performance.now();
+    this.startedMs = performance.now();
     this.tries = 0;
     /** @type {WebSocket | null} */
     this.socket = null;
@@ -88,7 +89,7 @@ export class Link {
 
   /** Give up a connection that is open, or opens, and says nothing: a server's computer that lost its power. */
   watch() {
-    const since = Math.max(this.heardMs, this.startedMs ?? 0);
+    const since = Math.max(this.heardMs, this.startedMs);
     if (this.socket === null || performance.now() - since < GIVE_UP_MS) return;
     const old = this.socket;
     this.lose();

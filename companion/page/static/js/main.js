@@ -100,7 +100,7 @@ function draw() {
   showTop(silentS);
   showStale(fleet, link, silentS);
   cards.show();
-  showNow(vehicle);
+  showNow(fleet);
   controls.show();
   kill.show();
   showChecks(vehicle);

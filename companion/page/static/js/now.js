@@ -5,8 +5,9 @@ import { doingWords, endedByFault, look, number, reactionWords } from "./words.j
 
 const LOW_BATTERY = 0.3;
 
-/** Show the state of one vehicle. @param {import("./fleet.js").Vehicle | null} vehicle */
-export function showNow(vehicle) {
+/** Show the state of the vehicle in view, and faults of all. @param {import("./fleet.js").Fleet} fleet */
+export function showNow(fleet) {
+  const vehicle = fleet.focus;
   const state = vehicle?.state ?? null;
   const looks = vehicle === null ? { symbol: "none", tone: "unknown", word: "no vehicle" } : look(vehicle);
   const now = byId("now");
@@ -15,7 +16,7 @@ export function showNow(vehicle) {
   setText(byId("phase"), looks.word);
   setText(byId("doing"), state === null ? "waiting for the first state" : doingWords(state));
   showTiles(state);
-  showFaults(vehicle);
+  showFaults(fleet);
 }
 
 /** @param {any} state */
@@ -39,12 +40,19 @@ function showBattery(charge, volts) {
   setAttribute(byId("battery"), "data-low", charge !== null && charge < LOW_BATTERY ? "yes" : "no");
 }
 
-/** @param {import("./fleet.js").Vehicle | null} vehicle */
-function showFaults(vehicle) {
+/** @param {import("./fleet.js").Fleet} fleet */
+function showFaults(fleet) {
   const box = byId("faults");
-  const rows = vehicle === null ? [] : faultRows(vehicle);
+  const rows = fleet.focus === null ? [] : faultRows(fleet.focus);
+  for (const vehicle of fleet.vehicles.values()) if (vehicle !== fleet.focus) rows.push(...alarmsOf(vehicle));
   show(box, rows.length > 0);
   fill(box, JSON.stringify(rows), () => rows.map(faultNode));
+}
+
+/** Return what a vehicle that is not in view reacts to. @param {import("./fleet.js").Vehicle} vehicle */
+function alarmsOf(vehicle) {
+  const alarms = faultRows(vehicle).filter((row) => row.tone === "alarm");
+  return alarms.map((row) => ({ ...row, name: `${vehicle.name}: ${row.name}` }));
 }
 
 /** @param {import("./fleet.js").Vehicle} vehicle */
