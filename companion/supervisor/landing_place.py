@@ -11,6 +11,8 @@ from companion.guard.separation import Separation
 
 _DIRECTIONS = 24
 """Directions from another vehicle that are tried: 15 degrees apart."""
+_BELOW = 0.5
+"""Share of the cylinder's height from which on the guard keeps two apart by their heights, and stops a descent."""
 _SPARE_M = 0.05
 """Distance beyond the cylinder, so that rounding and noise do not begin the search again."""
 
@@ -20,14 +22,19 @@ def landing_place(
 ) -> Vec3:
     """Return the nearest place at this height whose way down no other vehicle is in; this one if there is none.
 
-    It is `inside_m` inside the fence.
+    It is `inside_m` inside the fence. One that is not well below is passed on the way down, beside it.
     """
-    known = [other for other in others if other.known]
+    known = [other for other in others if other.known and _is_below(here_w_m, other, cylinder)]
     if _clear(here_w_m, known, cylinder):
         return here_w_m
     places = [place for place in _around(here_w_m, known, cylinder) if _clear(place, known, cylinder)]
     inside = [place for place in places if fence.beyond_m(np.array(place)) <= -inside_m]
     return min(inside, key=lambda place: math.dist(place, here_w_m), default=here_w_m)
+
+
+def _is_below(here: Vec3, other: OtherVehicle, cylinder: Separation) -> bool:
+    height_m = cylinder.parked_height_m if other.parked else cylinder.height_m
+    return here[2] - other.position_w_m[2] > _BELOW * height_m
 
 
 def _clear(place: Vec3, others: Sequence[OtherVehicle], cylinder: Separation) -> bool:

@@ -185,7 +185,8 @@ def follow_push(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -
         return flight
     here = Reference(inputs.position_w_m, inputs.velocity_w_mps, np.zeros(3), reference.yaw_rad)
     if flight.phase is Phase.LAND:
-        return replace(_descend_from(flight, inputs, rules, here), since_s=flight.since_s)
+        due_s = flight.landing_due_s  # as it was: a landing that is pushed about for ever is overdue
+        return replace(_descend_from(flight, inputs, rules, here), since_s=flight.since_s, landing_due_s=due_s)
     return replace(_rest(flight, inputs, rules, Phase.HOLD, here), since_s=flight.since_s)
 
 

@@ -246,6 +246,15 @@ def test_above_a_parked_one_it_lands_straight_away_from_it() -> None:
     assert math.dist(exactly[:2], (1.0, 2.0)) == pytest.approx(1.25)
 
 
+@pytest.mark.parametrize(
+    ("z_m", "parked", "aside"), [(0.69, False, True), (0.71, False, False), (0.99, True, True), (1.01, True, False)]
+)
+def test_beside_one_at_its_own_height_it_goes_straight_down(z_m: float, parked: bool, aside: bool) -> None:
+    here = (1.3, 2.0, 1.5)
+    place = landing_place(here, [other((1.0, 2.0, z_m), parked=parked)], CYLINDER, FENCE, 0.3)
+    assert (place != here) is aside
+
+
 def test_it_stays_clear_of_all_others_and_of_the_fence() -> None:
     here, below = (5.5, 0.0, 1.5), other((5.4, 0.0, 0.1), parked=True)
     third = other((5.4, 2.0, 0.1), parked=True)
@@ -312,6 +321,7 @@ def test_a_landing_follows_too_and_a_flight_to_a_place_does_not() -> None:
     after = advance(landing, moved(inputs, 0.5), RULES)
     assert after.phase is Phase.LAND
     assert reference_at(after, time_s + DT_S).position_w_m[0] == pytest.approx(there[0] + 0.5)
+    assert (after.since_s, after.landing_due_s) == (landing.since_s, landing.landing_due_s)
     going = apply_request(flight, TrackRequest(Hold(np.array([4.0, 2.0, 1.0])), 0.0), facts(time_s, 1.0), RULES)
     assert advance(going, moved(inputs, 0.5), RULES).legs == going.legs
     grounded = replace(landing, airborne=False, touched_down=True)
