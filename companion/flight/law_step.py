@@ -15,6 +15,9 @@ from companion.supervisor.safety_rules import SafetyRules
 
 LOG = logging.getLogger(__name__)
 
+_PUSHED_S = 0.5
+"""Time for which a vehicle still moves away after the guard has pushed it."""
+
 
 class LawStep:
     """Calls the law while the vehicle flies; on the ground the law sleeps."""
@@ -36,8 +39,9 @@ class LawStep:
         """Why the law is no longer to be trusted; empty when it is."""
         self.at_max_thrust = False
         """The last cycle's thrust was cut at its upper limit."""
+        self._pushed_s = -math.inf
         self.pushed = False
-        """The guard kept the last cycle's setpoint away from another vehicle."""
+        """The guard has kept a setpoint away from another vehicle a moment ago: it may still move away."""
 
     def trust(self) -> None:
         """A flight begins."""
@@ -61,7 +65,9 @@ class LawStep:
         self._not_finite = self._not_finite + 1 if bad else 0
         if self._not_finite > self._not_finite_limit:
             self.fault = f"the control law gave no finite command for {self._not_finite_limit} cycles"
-        self.pushed = output is not None and bool(output.limited.separation_cut)
+        if output is not None and output.limited.separation_cut:
+            self._pushed_s = now_s
+        self.pushed = now_s - self._pushed_s <= _PUSHED_S
         self.at_max_thrust = output is not None and float(output.limited.setpoint.thrust) >= self._max_thrust
         return output, limited
 

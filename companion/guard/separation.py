@@ -13,6 +13,8 @@ from companion.guard.braking import lead_s, most_accel_mps2
 
 _ROUNDS = 4
 """Rounds in which an acceleration is brought behind all walls in turn; three vehicles need two."""
+_DEEPEST_M = 0.3
+"""Depth inside the cylinder from which the vehicle backs away no faster: at 1.3 m/s from one that stands still."""
 _ON_AXIS_M = 1e-3
 """Horizontal distance below which no direction leads away from the other."""
 
@@ -145,19 +147,20 @@ class Separation:
         if not math.isfinite(dx + dy + dz + ux + uy + uz):
             return None
         apart_m, up = math.hypot(dx, dy), math.copysign(1.0, dz)
-        climb, theirs_z = vz * up, self.stop_m(-uz * up)
-        above_m = abs(dz) - self._height_m(other) - theirs_z
+        above_m, climb, sinks_m = abs(dz) - self._height_m(other), vz * up, self.stop_m(-uz * up)
         if apart_m < _ON_AXIS_M:
-            return self._floor(above_m, climb, acting[2] * up, up)
+            return self._floor(above_m, sinks_m, climb, acting[2] * up, up)
         nx, ny = dx / apart_m, dy / apart_m
-        closing = vx * nx + vy * ny
-        beside_m = apart_m - self.radius_m - self.stop_m(-ux * nx - uy * ny)
-        if above_m - self.stop_m(climb) > beside_m - self.stop_m(closing):
-            return self._floor(above_m, climb, acting[2] * up, up)
-        return Wall(nx, ny, self._most_mps2(beside_m, closing, acting[0] * nx + acting[1] * ny))
+        beside_m, closing, comes_m = apart_m - self.radius_m, vx * nx + vy * ny, self.stop_m(-ux * nx - uy * ny)
+        if above_m - sinks_m - self.stop_m(climb) > beside_m - comes_m - self.stop_m(closing):
+            return self._floor(above_m, sinks_m, climb, acting[2] * up, up)
+        left_m = max(beside_m, -_DEEPEST_M) - comes_m
+        return Wall(nx, ny, self._most_mps2(left_m, closing, acting[0] * nx + acting[1] * ny))
 
-    def _floor(self, left_m: float, speed_mps: float, acting_mps2: float, up: float) -> tuple[float, float]:
-        most = self._most_mps2(left_m, speed_mps, acting_mps2)
+    def _floor(
+        self, above_m: float, sinks_m: float, climb_mps: float, acting_mps2: float, up: float
+    ) -> tuple[float, float]:
+        most = self._most_mps2(max(above_m, -_DEEPEST_M) - sinks_m, climb_mps, acting_mps2)
         return (-math.inf, most) if up > 0.0 else (-most, math.inf)
 
     def _most_mps2(self, left_m: float, speed_mps: float, acting_mps2: float) -> float:

@@ -153,7 +153,7 @@ class FlightInputs:
     others: tuple[OtherVehicle, ...] = ()
     """The other vehicles of the room."""
     pushed: bool = False
-    """The guard kept the last setpoint away from another vehicle."""
+    """The guard has just kept a setpoint away from another vehicle, see LawStep.pushed."""
     thrust: float = math.nan
     """Thrust of the last setpoint sent, 0..1; NaN when unknown."""
 

@@ -17,6 +17,8 @@ _STOPPING = 1.5
 """Minimum jerk from a speed v to rest v T/2 further on has a peak acceleration of 1.5 v/T."""
 _PUSHED_M = 0.3
 """Distance from the reference at which it follows; below the tracking error that is a fault."""
+_AHEAD_M = 0.4
+"""Distance by which it is then ahead at most; below that error, too."""
 _BACK_S = 0.01
 _LEAST_STOP_S = 0.8
 """The vehicle must tilt first: a shorter stop would jerk, a longer one would exceed the fence's stopping distance."""
@@ -181,13 +183,24 @@ def follow_push(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -
     if not inputs.pushed or not flight.airborne or not (rests or flight.phase is Phase.LAND):
         return flight
     reference = reference_at(flight, inputs.time_s)
-    if not float(np.linalg.norm(inputs.position_w_m - reference.position_w_m)) > _PUSHED_M:
+    off = inputs.position_w_m - reference.position_w_m
+    leaves = float(off @ inputs.velocity_w_mps) >= 0.0
+    if not leaves or not float(np.linalg.norm(off)) > _PUSHED_M:
         return flight
-    here = Reference(inputs.position_w_m, inputs.velocity_w_mps, np.zeros(3), reference.yaw_rad)
+    here = _near_rest(inputs, rules, reference.yaw_rad)
     if flight.phase is Phase.LAND:
         due_s = flight.landing_due_s  # as it was: a landing that is pushed about for ever is overdue
         return replace(_descend_from(flight, inputs, rules, here), since_s=flight.since_s, landing_due_s=due_s)
-    return replace(_rest(flight, inputs, rules, Phase.HOLD, here), since_s=flight.since_s)
+    return replace(flight, legs=(Leg(Phase.HOLD, Hold(here.position_w_m, here.yaw_rad)),), leg_start_s=inputs.time_s)
+
+
+def _near_rest(inputs: FlightInputs, rules: FlightRules, yaw_rad: float) -> Reference:
+    """Return a reference at rest that is as far ahead of a moving vehicle as it needs to stop, and at most _AHEAD_M."""
+    moving = Reference(inputs.position_w_m, inputs.velocity_w_mps, np.zeros(3), yaw_rad)
+    _, end = resting_place(moving, rules.braking_mps2)
+    way = end - inputs.position_w_m
+    share = min(1.0, _AHEAD_M / max(float(np.linalg.norm(way)), 1e-6))
+    return Reference(inputs.position_w_m + share * way, np.zeros(3), np.zeros(3), yaw_rad)
 
 
 def ground_z_m(flight: FlightState) -> float:

@@ -109,6 +109,13 @@ def test_one_that_comes_too_near_is_backed_away_from_and_the_more_the_nearer() -
     assert demands[0] < 0.0
 
 
+def test_deep_inside_it_backs_away_no_faster_than_it_can_stop_again() -> None:
+    assert one_wall((0.9, 0.0, 0.0)).most_mps2 == pytest.approx(one_wall((0.2, 0.0, 0.0)).most_mps2)
+    assert up_range((0.0, 0.0, 1.3)) == pytest.approx(up_range((0.0, 0.0, 0.5)))
+    comes, stands = one_wall((0.5, 0.0, 0.0), velocity=(-1.0, 0.0, 0.0)), one_wall((0.5, 0.0, 0.0))
+    assert comes.most_mps2 < stands.most_mps2, "from one that comes on it backs away faster"
+
+
 @pytest.mark.parametrize(
     ("place", "own", "theirs", "allowed"),
     [

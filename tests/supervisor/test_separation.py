@@ -326,3 +326,24 @@ def test_a_landing_follows_too_and_a_flight_to_a_place_does_not() -> None:
     assert advance(going, moved(inputs, 0.5), RULES).legs == going.legs
     grounded = replace(landing, airborne=False, touched_down=True)
     assert advance(grounded, moved(inputs, 0.5), RULES).legs == landing.legs
+
+
+@pytest.mark.parametrize(
+    ("speed_mps", "ahead_m"),
+    [
+        (0.0, 0.0),
+        (0.5, 0.2),  # it rests 0.4 s further
+        (2.0, 0.4),  # and would be 1.5 m further: so far from the reference is a fault
+        (-0.5, None),  # it returns
+    ],
+)
+def test_a_hold_waits_where_a_pushed_vehicle_comes_to_rest(speed_mps: float, ahead_m: float | None) -> None:
+    flight, time_s = hovering()
+    there = reference_at(flight, time_s + DT_S).position_w_m
+    inputs = replace(facts(time_s + DT_S, 1.0), position_w_m=there, velocity_w_mps=np.array([speed_mps, 0.0, 0.0]))
+    after = advance(flight, moved(inputs, 0.5), RULES)
+    expected = 0.0 if ahead_m is None else 0.5 + ahead_m
+    for later_s in (DT_S, 5.0):
+        now = reference_at(after, time_s + later_s)
+        assert now.position_w_m == pytest.approx(there + np.array([expected, 0.0, 0.0]))
+        assert now.velocity_w_mps.tolist() == [0.0, 0.0, 0.0]

@@ -8,6 +8,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from companion.config.companion_config import CompanionConfig
+from companion.config.flight_config import RoomConfig
+from companion.config.safety_config import FenceConfig
 from companion.config.separation_config import SeparationConfig
 from companion.core.types import MocapFrame, OtherBody, Vec3
 from companion.supervisor.faults import Fault
@@ -23,6 +25,12 @@ SHARED = Conditions(
     )
 )  # fmt: skip
 """A room of two vehicles, in which the other one goes first."""
+FENCE_M = 1.5
+NARROW = Conditions(
+    SHARED.config.model_copy(
+        update={"fence": FenceConfig(x_m=(-FENCE_M, FENCE_M)), "room": RoomConfig(x_m=(-1.2, 1.2))}
+    )
+)  # fmt: skip
 AHEAD_S = 3.0
 SEEN_S = 1.0
 COMES_S = 4.0
@@ -63,6 +71,12 @@ def comes(from_m: float, to_m: float, in_s: float = COMES_S) -> Callable[[Flight
     return path_of
 
 
+def drives_to_the_fence(flight: Flight) -> Path:
+    """Return a path along x through where the vehicle is, to 0.3 m from the narrow fence, at 0.8 m/s."""
+    x, y, z = flight.room.truth_w_m.tolist()
+    return lambda t: (min(x - 4.0 + 0.8 * t, FENCE_M - 0.3), y, z)
+
+
 def lost_after(seen_s: float, for_s: float = math.inf) -> Callable[[Flight], Path]:
     """Return a path in a far corner, seen for so long, then not."""
     return lambda _: lambda t: None if seen_s <= t < seen_s + for_s else (3.5, 3.5, 0.1)
@@ -75,6 +89,8 @@ TRAFFIC = (
         within(COMES_S + RULES.yield_s), When.HOVER, patience_s=10.0, flown_with=SHARED),
     Row(Fault.SEPARATION_LOST, "another one appears 1 m away", (another(comes(1.0, 1.0)),), OURS,
         within(0.1), When.HOVER, flown_with=SHARED),
+    Row(Fault.SEPARATION_LOST, "another one drives it to the fence", (another(drives_to_the_fence),), OURS, within(6.5),
+        When.HOVER, patience_s=12.0, flown_with=NARROW),
     Row(Fault.SEPARATION_LOST, "another one is carried to it", (another(comes(3.0, 1.0)),), NOT, within(COMES_S),
         When.GROUND, flown_with=SHARED),
     Row(Fault.OTHER_UNSEEN, "the other one's markers are covered", (another(lost_after(SEEN_S)),), OURS,
