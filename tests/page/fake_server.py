@@ -113,12 +113,12 @@ class FakeServer:
 
     async def _publish(self, age_s: float = 0.0) -> None:
         for vehicle in self.vehicles.values():
-            for event in vehicle.events:
+            events, vehicle.events = vehicle.events, []  # tests add some meanwhile
+            replies, vehicle.replies = vehicle.replies, []
+            for event in events:
                 await self._send({"type": "event", "vehicle": vehicle.name, "event": event})
-            for reply in vehicle.replies:
+            for reply in replies:
                 await self._send({"type": "reply", "vehicle": vehicle.name, **reply})
-            vehicle.events.clear()
-            vehicle.replies.clear()
             state = {"type": "state", "vehicle": vehicle.name, "age_s": age_s, "state": vehicle.state()}
             await self._send({**state, "arms_b_m": vehicle.arms_b_m()})
 

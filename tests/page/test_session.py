@@ -110,6 +110,7 @@ def test_abort_disarms_on_the_ground_and_resume_says_why_not(browser: Browser, o
         press(page, "resume")
         answers(page, "resume", "refused: this service has the vehicle")
         press(page, "arm")
+        answers(page, "arm", "accepted")
         one.fly(1.0)
         expect(page.locator("#phase")).to_have_text("armed")
         press(page, "abort")
@@ -132,6 +133,7 @@ def test_commands_go_to_one_vehicle_or_to_all_that_are_chosen(browser: Browser, 
 
         page.locator(".card button").nth(1).click()  # look at the second: commands go to it alone
         press(page, "land")
+        answers(page, "land", f"{names[1]} accepted")
         three.fly(2.0)
         assert [command["vehicle"] for command in three.commands[6:]] == [names[1]]
         expect(page.locator(".card .word")).to_have_text(["hold", "disarmed", "hold"])
@@ -143,6 +145,7 @@ def test_commands_go_to_one_vehicle_or_to_all_that_are_chosen(browser: Browser, 
         page.locator(".card input").nth(1).uncheck()
         expect(page.locator("#targets")).to_have_text(f"to {names[2]}")
         press(page, "abort")
+        answers(page, "abort", f"{names[2]} accepted")
         three.fly(2.0)
         assert [command["vehicle"] for command in three.commands[7:]] == [names[2]]
 
