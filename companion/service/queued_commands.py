@@ -25,7 +25,7 @@ from companion.supervisor.flight_state import HoldRequest, TrackRequest
 from companion.trajectories.reference import Hold
 
 _ANY_TRACK = TrackRequest(Hold(np.zeros(3)), 0.0)
-"""Any trajectory: whether one may be flown depends on the phase alone."""
+"""Any trajectory: without other vehicles in its way, whether one may be flown depends on the phase alone."""
 _WATCHED_S = 3.0
 """Time a flight is observed after a change of law before the change counts as done: oscillation shows by then."""
 _GROUND_ANSWERS_S = 7.5
@@ -117,7 +117,7 @@ class QueuedCommands:
 
     async def _track(self, command: commands.Track) -> str:
         service = self._service
-        rejection = service.loop.refusal(_ANY_TRACK)
+        rejection = service.loop.refusal(_ANY_TRACK) if not self._config.separation.order else ""
         if rejection:  # before seconds of planning; what may change meanwhile is evaluated at the start
             raise FlightError(rejection)
         plan: Planned = await asyncio.to_thread(planned_track, command, service, self._config.arms)

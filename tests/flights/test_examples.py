@@ -1,4 +1,4 @@
-"""The examples as their readers run them, one after another against one service and its mocks; docs/python.md."""
+"""The examples as their readers run them, against two services and their mocks in one room; docs/python.md."""
 
 import asyncio
 import json
@@ -7,6 +7,9 @@ import re
 import sys
 import time
 import types
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +17,15 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
+from companion.cli.demo.fleet.room import RoomPlan, plan_room
+from companion.cli.demo.mock_process import mock_process
+from companion.config.companion_config import load_config
+from companion.config.operator_config import OperatorConfig
 from tests import warm
+from tests.broker import BrokerProcess
 from tests.flights import table_stub
-from tests.flights.command import ROOT
-from tests.flights.served import Seen, Site, looking_on, mocks, serving
+from tests.flights.command import ROOT, mock_config
+from tests.flights.served import Seen, Site, looking_on, serving
 
 pytestmark = pytest.mark.realtime
 
@@ -25,9 +33,10 @@ pytestmark = pytest.mark.realtime
 class Reader:
     """Somebody with the project's folder and a service that runs."""
 
-    def __init__(self, site: Site, seen: Seen) -> None:
+    def __init__(self, place: OperatorConfig, seen: Seen) -> None:
         self._seen = seen
-        self._environment = {**os.environ, "COMPANION_BROKER": f"mqtt://127.0.0.1:{site.place.port}"}
+        named = {"COMPANION_BROKER": f"mqtt://127.0.0.1:{place.port}", "COMPANION_VEHICLE": place.vehicle}
+        self._environment = os.environ | named
 
     async def runs(self, module: str, *words: str) -> tuple[int, str, str]:
         """Run a program to its end; return exit code, output and errors. The vehicle has landed by then."""
@@ -52,18 +61,62 @@ class Reader:
 
 async def test_the_examples_fly_and_a_script_that_raises_lands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     site = Site.embedded(tmp_path)
+    plan = own_folders(plan_room(load_config(site.config(arms=False)), 2, site.records, free=True))
     line = tmp_path / "line.csv"
-    line.write_text("t_s,x_m,y_m,z_m\n0,0,0,0.4\n0.6,0.1,0,0.4\n1.2,0.2,0,0.4\n2.4,0,0,0.4\n", encoding="utf-8")
-    async with mocks(site), serving(site.config(arms=False), tmp_path / "log") as served:
-        await served.says("the vehicle is there")
-        async with looking_on(site.place, served) as seen:
-            reader = Reader(site, seen)
-            hello_flight(*await reader.runs("examples.hello_flight"))
-            own_curve(*await reader.runs("examples.own_curve", "5"))
-            raises(*await reader.runs("tests.flights.raises_in_the_air"))
-            compare_laws(*await reader.runs("examples.compare_laws", str(site.records), str(line)))
-        assert len(list(site.records.glob("*.mcap"))) == 4
-        read_a_record(tmp_path, monkeypatch)
+    line.write_text("t_s,x_m,y_m,z_m\n0,0,2.4,0.4\n0.6,0.1,2.4,0.4\n1.2,0.2,2.4,0.4\n2.4,0,2.4,0.4\n", encoding="utf-8")
+    laws = ("examples.compare_laws", str(site.records / "dauam-2"), str(line))
+    async with room(plan, tmp_path) as (one, other):
+        two_vehicles(*await one.runs("examples.two_vehicles", "dauam-1", "dauam-2"))
+        flown = await asyncio.gather(one.runs("examples.hello_flight"), other.runs("tests.flights.raises_in_the_air"))
+        hello_flight(*flown[0])
+        raises(*flown[1])
+        flown = await asyncio.gather(one.runs("examples.own_curve", "5"), other.runs(*laws))
+        own_curve(*flown[0])
+        compare_laws(*flown[1])
+    assert [len(list(site.records.glob(f"dauam-{number}/*.mcap"))) for number in (1, 2)] == [3, 3]
+    read_a_record(site.records / "dauam-2", monkeypatch)
+
+
+def own_folders(plan: RoomPlan) -> RoomPlan:
+    """Give each vehicle's records a folder of their own."""
+    return replace(
+        plan,
+        configs=tuple(
+            one.model_copy(
+                update={"records": one.records.model_copy(update={"folder": f"{one.records.folder}/{one.mocap.body}"})}
+            )
+            for one in plan.configs
+        ),
+    )
+
+
+@asynccontextmanager
+async def room(plan: RoomPlan, folder: Path) -> AsyncIterator[list[Reader]]:
+    """Two vehicles 2.4 m apart with their services; yield a reader of each."""
+    there = BrokerProcess()
+    there.port = plan.broker.port
+    there.start()
+    async with AsyncExitStack() as stack:
+        stack.callback(there.stop)
+        mocks = await stack.enter_async_context(mock_process(mock_config(folder), 1, plan.ports))
+        assert mocks.stdin is not None
+        mocks.stdin.write(b"carry vehicle 1: 0 0 0\ncarry vehicle 2: 0 -2.4 0\n")
+        services = [
+            await stack.enter_async_context(serving(path, path.with_suffix(".log"))) for path in plan.write(folder)
+        ]
+        readers = []
+        for service, place in zip(services, plan.endpoints(), strict=True):
+            await service.says("the vehicle is there")
+            readers.append(Reader(place, await stack.enter_async_context(looking_on(place, service))))
+        yield readers
+
+
+def two_vehicles(code: int, out: str, errors: str) -> None:
+    assert (code, errors) == (0, "")
+    assert out.count("the path is flown, it hovers at its end") == 2
+    assert out.count("down and disarmed") == 2
+    (least_m,) = re.findall(r"dauam-1 and dauam-2 were never nearer than (\S+) m", out)
+    assert 2.0 < float(least_m) < 2.5
 
 
 def hello_flight(code: int, out: str, errors: str) -> None:
@@ -85,7 +138,7 @@ def raises(code: int, out: str, errors: str) -> None:
     traceback = errors[errors.index("Traceback") :]
     assert 'raise ValueError(f"{vehicle.state.phase} at' in traceback
     assert (
-        "ValueError: hold at 0.4 m\nvehicle: landed because of ValueError('hold at 0.4 m'): down and dis" in traceback
+        "ValueError: hold at 0.4 m\ndauam-2: landed because of ValueError('hold at 0.4 m'): down and dis" in traceback
     )
 
 
@@ -100,8 +153,10 @@ def read_a_record(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run the notebook's code on the newest record, with pandas where it is installed."""
     notebook = json.loads((ROOT / "examples" / "read_a_record.ipynb").read_text(encoding="utf-8"))
     assert all(not cell.get("outputs") for cell in notebook["cells"]), "it is kept without its results"
-    (folder / "notebooks").mkdir()
-    monkeypatch.chdir(folder / "notebooks")
+    folder.rename(folder.parent.parent / "of_laws")
+    (folder.parent.parent / "notebooks" / "here").mkdir(parents=True)
+    (folder.parent.parent / "notebooks" / "flights").symlink_to("../of_laws")
+    monkeypatch.chdir(folder.parent.parent / "notebooks" / "here")
     mpl.use("Agg")
     try:
         import pandas  # type: ignore[import-not-found,import-untyped,unused-ignore]  # noqa: F401

@@ -125,6 +125,15 @@ def test_a_second_autopilot_may_be_there_where_a_number_says_which_is_flown() ->
     assert "px4.system_id" in check.todo
 
 
+def test_two_autopilots_of_one_number_are_refused_also_where_that_number_is_configured() -> None:
+    same = replace(STATUS, system_id=1, other_autopilots=("system 1 (PX4 at 127.0.0.1:14599)",))
+    numbered = CONFIG.model_copy(update={"px4": CONFIG.px4.model_copy(update={"system_id": 1})})
+    for config in (CONFIG, numbered):
+        (check,) = failed(replace(ready(), status=same), config=config)
+        assert check.refuses
+        assert check.says.endswith("another has the same number: system 1 (PX4 at 127.0.0.1:14599)")
+
+
 SERVOS, FLIGHT = (BatteryReading(id=n, fraction=f, voltage_v=v) for n, f, v in ((1, 0.12, 10.9), (0, 0.95, 16.4)))
 
 

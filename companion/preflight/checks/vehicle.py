@@ -45,10 +45,16 @@ def check_ground(status: AutopilotStatus) -> Check:
 
 
 def check_alone(status: AutopilotStatus, configured: int | None) -> Check:
-    """Look for other autopilots on the link: unless a number is configured, the one heard first is flown."""
+    """Look for other autopilots on the link: unless a number of its own is configured, the one heard first is flown."""
     others = ", ".join(status.other_autopilots)
     if not others:
         return Check("one autopilot", True, "no other one is heard on this link")
+    if any(words.startswith(f"system {status.system_id} (") for words in status.other_autopilots):
+        says = (
+            f"system {status.system_id} would be flown, the one heard first, and another has the same number: {others}"
+        )
+        todo = "let each vehicle send to a port of its own, or give each PX4 its own MAV_SYS_ID and set px4.system_id"
+        return Check("one autopilot", False, says, todo)
     says = f"system {status.system_id} would be flown, and heard on the same link is {others}"
     todo = (
         "set px4.system_id to this vehicle's MAV_SYS_ID, which must differ from the other's, or let each vehicle send "
