@@ -58,6 +58,10 @@ class Reader:
         assert (state.armed, state.phase) == (False, "disarmed"), self._seen.story()
         return process.returncode, out, errors
 
+    async def runs_all(self, *programs: tuple[str, ...]) -> list[tuple[int, str, str]]:
+        """Run programs one after another."""
+        return [await self.runs(*words) for words in programs]
+
 
 async def test_the_examples_fly_and_a_script_that_raises_lands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     site = Site.embedded(tmp_path)
@@ -67,12 +71,14 @@ async def test_the_examples_fly_and_a_script_that_raises_lands(tmp_path: Path, m
     laws = ("examples.compare_laws", str(site.records / "dauam-2"), str(line))
     async with room(plan, tmp_path) as (one, other):
         two_vehicles(*await one.runs("examples.two_vehicles", "dauam-1", "dauam-2"))
-        flown = await asyncio.gather(one.runs("examples.hello_flight"), other.runs("tests.flights.raises_in_the_air"))
-        hello_flight(*flown[0])
-        raises(*flown[1])
-        flown = await asyncio.gather(one.runs("examples.own_curve", "5"), other.runs(*laws))
-        own_curve(*flown[0])
-        compare_laws(*flown[1])
+        hello, curve = ("examples.hello_flight",), ("examples.own_curve", "5")
+        flown = await asyncio.gather(
+            one.runs_all(hello, curve), other.runs_all(("tests.flights.raises_in_the_air",), laws)
+        )
+        hello_flight(*flown[0][0])
+        own_curve(*flown[0][1])
+        raises(*flown[1][0])
+        compare_laws(*flown[1][1])
     assert [len(list(site.records.glob(f"dauam-{number}/*.mcap"))) for number in (1, 2)] == [3, 3]
     read_a_record(site.records / "dauam-2", monkeypatch)
 
