@@ -86,9 +86,9 @@ def _objection(
     point, there = ways[gaps_m.index(least_m)]
     state = "stands" if other.parked else "flies"
     return (
-        f"it leads within {math.dist(point[:2], there[:2]):.2f} m of {other.body!r}, which {state} at {there[0]:.1f} "
-        f"{there[1]:.1f} {there[2]:.1f}; at least {cylinder.radius_m:.2f} m are needed: keep away from it, or wait "
-        "until it is gone"
+        f"this way leads within {math.dist(point[:2], there[:2]):.2f} m of {other.body!r}, which {state} at "
+        f"{there[0]:.1f} {there[1]:.1f} {there[2]:.1f}; at least {cylinder.radius_m:.2f} m are needed: keep away "
+        "from it, or wait until it is gone"
     )
 
 

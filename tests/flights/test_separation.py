@@ -107,7 +107,9 @@ def test_a_parked_one_is_flown_over_and_landed_beside() -> None:
     lands = [at(13.5), ask(LandRequest()), until(Phase.DISARMED), wait(0.2)]
     fleet = flown([*QUICK_UP, onto, up, at(10.0), over, *lands], [at(0.5)], apart_m=1.6)
     (sentence,) = refused
-    assert sentence.startswith("another vehicle is in the way: it leads within 0.00 m of 'dauam-2', which stands at ")
+    assert sentence.startswith(
+        "another vehicle is in the way: this way leads within 0.00 m of 'dauam-2', which stands at "
+    )
     assert gaps_m(fleet, PARKED_M).min() > 0.05
     end_w_m = fleet.flights[0].truths_w_m[-1]
     assert math.dist(end_w_m[:2], (0.0, 0.8)) == pytest.approx(RADIUS_M + 0.15, abs=0.05)

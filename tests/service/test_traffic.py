@@ -91,8 +91,8 @@ async def test_ways_are_compared_before_they_begin_and_announced_while_they_are_
             (refused,) = await do(dispatcher, "goto", x_m=0.6, y_m=-1.2, z_m=0.8)
             assert refused.answer is Answer.REFUSED
             assert refused.text.startswith(
-                "another vehicle is in the way: it leads within 0.30 m of 'last', which flies at 0.6 -1.5 0.8; at "
-                "least 0.80 m are needed"
+                "another vehicle is in the way: this way leads within 0.30 m of 'last', which flies at 0.6 -1.5 0.8; "
+                "at least 0.80 m are needed"
             )
             await one.service.land()
 

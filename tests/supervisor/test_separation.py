@@ -100,8 +100,8 @@ def test_a_path_keeps_away_from_one_that_stands(y_m: float, free: bool) -> None:
 
 def test_the_objection_says_how_near_to_whom_and_what_to_do() -> None:
     assert said(other((5.0, 1.2, 1.0))) == (
-        "it leads within 1.20 m of 'two', which flies at 5.0 1.2 1.0; at least 1.50 m are needed: keep away from it, "
-        "or wait until it is gone"
+        "this way leads within 1.20 m of 'two', which flies at 5.0 1.2 1.0; at least 1.50 m are needed: keep away from "
+        "it, or wait until it is gone"
     )
     assert "which stands at" in said(other((5.0, 1.2, 0.1), parked=True))
 
@@ -148,7 +148,7 @@ ABOVE = other(above_ground(0.0, 0.5, 2.5))
 def test_a_takeoff_beside_or_below_another_one_is_rejected(there: OtherVehicle, free: bool) -> None:
     reason = refusal(STATES["armed"][0], TakeoffRequest(1.0), with_others(facts(9.0), there), RULES)
     assert (reason == "") is free
-    assert free or reason.startswith("another vehicle is in the way: it leads within ")
+    assert free or reason.startswith("another vehicle is in the way: this way leads within ")
     assert refusal(STATES["armed"][0], TakeoffRequest(1.0), with_others(facts(9.0), there), ALONE) == ""
 
 
