@@ -1,22 +1,28 @@
 """The service as the process in which a flood of pages is measured: hovers, and times its own ticks.
 
-Run as `python -m benchmarks.flooded JSON`. Prints "flying" once it hovers. Each line of standard input names the turn
+Run as `python -m benchmarks.flooded JSON`; it takes the priority that systemd gives the service, if it may. Prints
+"flying" once it hovers, and whether in real time. Each line of standard input names the turn
 that begins; at its end it prints one line of JSON: for each turn the durations of its ticks (s), and the number and the
 arrival (s, monotonic) of each frame that they used.
 """
 
 import asyncio
 import json
+import os
 import sys
 import time
 from collections.abc import Callable
 
 import uvloop
 
+from benchmarks.machine import realtime_priority
 from benchmarks.subject import Task
 from companion.adapters.system.watchdog_timer import KernelWatchdogTimer
 from companion.flight.tick import Tick
 from companion.service.local_operator import open_local_operator
+
+_PRIORITY = 50
+"""CPUSchedulingPriority in systemd/dauam-companion.service."""
 
 
 class _Turns:
@@ -54,6 +60,7 @@ async def _fly(task: Task) -> None:
         await operator.do("arm")
         await operator.do("takeoff")
         print("flying", flush=True)
+        print(json.dumps(os.sched_getscheduler(0) == os.SCHED_FIFO), flush=True)
         while name := (await asyncio.get_running_loop().run_in_executor(None, sys.stdin.readline)).strip():
             turns.begin(name)
         said = json.dumps(turns.turns)
@@ -61,4 +68,5 @@ async def _fly(task: Task) -> None:
 
 
 if __name__ == "__main__":
-    uvloop.run(_fly(Task.model_validate_json(sys.argv[1])))
+    with realtime_priority(_PRIORITY):
+        uvloop.run(_fly(Task.model_validate_json(sys.argv[1])))

@@ -8,6 +8,7 @@ import asyncio
 import json
 import os
 import sys
+import time
 from contextlib import suppress
 
 from websockets.asyncio.client import connect
@@ -23,7 +24,7 @@ class Pages:
     def __init__(self, host: str, count: int) -> None:
         self._host, self._count = host, count
         self.states: list[int] = [0] * count
-        self.lost = 0
+        self.lost, self.opened_s = 0, 0.0
         self._tasks: list[asyncio.Task[None]] = []
         self._heard = asyncio.Event()
 
@@ -34,7 +35,7 @@ class Pages:
         while not all(self.states):
             self._heard.clear()
             await self._heard.wait()
-        self.states = [0] * self._count
+        self.states, self.opened_s = [0] * self._count, time.monotonic()
 
     async def close(self) -> None:
         """Close all."""
@@ -61,11 +62,13 @@ async def main(host: str, count: int) -> None:
             await pages.open()
             print("open", flush=True)
         else:
-            states, lost = pages.states, pages.lost
+            said = {"states": pages.states, "lost": pages.lost, "for_s": time.monotonic() - pages.opened_s}
+            text = json.dumps(said)
             await pages.close()
-            print(json.dumps({"states": states, "lost": lost}), flush=True)
+            print(text, flush=True)
 
 
 if __name__ == "__main__":
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
     os.setpriority(os.PRIO_PROCESS, 0, _LOWEST)
     asyncio.run(main(sys.argv[1], int(sys.argv[2])))
