@@ -60,7 +60,15 @@ class SimulatedAutopilot:
 
     def status(self) -> AutopilotStatus:
         """Return the status as the messages that came last show it."""
-        now_s, fresh = self._bench.now_s, self._bench.sent[self._read :]
+        now_s = self._bench.now_s
+        if self._read < len(self._bench.sent):
+            self._read_news()
+        heard = self._status.heartbeat_s
+        connected = now_s - heard < SILENT_S or math.isinf(heard)
+        return self._status if connected else replace(self._status, connected=False)
+
+    def _read_news(self) -> None:
+        fresh = self._bench.sent[self._read :]
         self._read += len(fresh)
         news: dict[str, Any] = {}
         for sent in fresh:
@@ -69,9 +77,6 @@ class SimulatedAutopilot:
                 news |= take(sent) | {"heard_s": sent.time_s}
         if news:
             self._status = replace(self._status, **news)
-        heard = self._status.heartbeat_s
-        connected = now_s - heard < SILENT_S or math.isinf(heard)
-        return self._status if connected else replace(self._status, connected=False)
 
     def _on_heartbeat(self, sent: Sent) -> dict[str, Any]:
         if math.isinf(self._status.heartbeat_s):

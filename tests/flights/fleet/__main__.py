@@ -30,12 +30,14 @@ def main(arguments: list[str] | None = None) -> int:
     seeds = [options.seed] if options.seed is not None else range(options.first, options.first + options.seeds)
     trail = options.seed is not None
     orders = [Order(seed, options.vehicles, 60.0 * options.minutes, options.faults, trail) for seed in seeds]
-    outcomes = sorted(_fly(orders, options.workers), key=lambda outcome: outcome.seed)
+    outcomes: list[Outcome] = []
+    for outcome in _fly(orders, options.workers):
+        outcomes = sorted([*outcomes, outcome], key=lambda one: one.seed)
+        if options.json is not None:  # each time, as hours of flights may be broken off
+            options.json.write_text(json.dumps([_plain(one) for one in outcomes], indent=1), encoding="utf-8")
     if trail and outcomes[0].trail:
         print(*outcomes[0].trail, sep="\n")
     print(*table(outcomes), sep="\n")
-    if options.json is not None:
-        options.json.write_text(json.dumps([_plain(outcome) for outcome in outcomes], indent=1), encoding="utf-8")
     return 1 if any(outcome.problems for outcome in outcomes) else 0
 
 

@@ -7,6 +7,8 @@ import time
 from collections import Counter
 from dataclasses import dataclass, field
 
+import uvloop
+
 from companion.config.companion_config import CompanionConfig
 from companion.flight.tick import Tick
 from companion.geometry.frames import flip_yz
@@ -94,7 +96,8 @@ def fly_seed(order: Order) -> Outcome:
     usual = gc.get_threshold()
     gc.set_threshold(50_000, 20, 100)  # most of a flight's many small values are freed by their counts
     try:
-        return asyncio.run(_fly(order))
+        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+            return runner.run(_fly(order))
     finally:
         gc.set_threshold(*usual)
 
