@@ -4,18 +4,22 @@ import itertools
 import json
 import time
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
 from companion.config.companion_config import CompanionConfig
 from companion.config.separation_config import SeparationConfig
 from companion.core.types import OtherBody
+from companion.flight.flight_loop import FlightLoop
 from companion.protocol.commands import COMMAND
 from companion.protocol.intent import Intent
 from companion.protocol.telemetry import Answer, Reply
 from companion.service.dispatcher import CommandDispatcher
-from companion.service.traffic import Traffic
+from companion.service.traffic import Traffic, Way
+from companion.supervisor.flight_state import TrackRequest
+from companion.trajectories.reference import Hold
 from tests.flights.simulated import Room
 from tests.service.test_dispatcher import BRISK, SESSION, SentCommand
 from tests.service.test_flight_actions import BOOTED_S, served
@@ -104,15 +108,10 @@ def show(room: Room, other: OtherBody) -> None:
 
 
 async def test_without_separation_nothing_is_compared_or_announced() -> None:
-    config, air = CompanionConfig(flight=BRISK), Airspace()
+    air, nobody = Airspace(), cast(FlightLoop, None)
     air.other("first", (0.0, 0.6, 0.0, 0.8))
     traffic = Traffic(SeparationConfig(), "dauam", SESSION, air.announce, lambda: air.others)
-    async with served(Room(1), config) as one:
-        await one.until(BOOTED_S)
-        dispatcher = CommandDispatcher(config, lambda _: None, str, traffic)
-        async with dispatcher.serving(one.service):
-            await one.service.ready()
-            for verb, words in (("arm", {}), ("takeoff", {}), ("goto", {"x_m": 0.6, "y_m": 0.0, "z_m": 0.8})):
-                assert (await do(dispatcher, verb, **words))[-1].answer is Answer.DONE
-            await one.service.land()
-    assert air.announced == []
+    way = await traffic.way(nobody, TrackRequest(Hold(np.array([0.6, 0.0, 0.8])), 0.0))
+    traffic.begin("goto", way)
+    traffic.end(way)
+    assert (way, air.announced) == (Way(), [])
