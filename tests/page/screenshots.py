@@ -16,7 +16,7 @@ from tests.page.fake_server import FakeServer, fake_server
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "images"
 MOST_BYTES = 150_000
-_COLOURS = 128
+_COLOURS = 256
 _SETTLES_S = 0.5
 """Time for the page to show what it was sent."""
 
