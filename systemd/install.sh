@@ -2,11 +2,12 @@
 # Installs the companion on this computer; `make install` calls it. Again does no harm: it brings everything up to date
 # and leaves your configuration alone. docs/install.md says what is where.
 #
-#   systemd/install.sh [vehicle|room|law|broker] [--root DIR] [--no-venv]
+#   systemd/install.sh [vehicle|room|law|page|broker] [--root DIR] [--no-venv]
 #
 #   vehicle     the flight service, for the onboard computer (if nothing is said)
 #   room        the mocap bridge, for the room's workstation
 #   law         the control law on the ground, for the room's workstation (docs/split.md)
+#   page        the live page, for either computer (docs/page.md)
 #   broker      a drop-in for Debian's mosquitto, for the computer that runs the broker
 #   --root DIR  puts everything below DIR, as it would be below /: to look at it without touching the system
 #   --no-venv   leaves the Python packages out
@@ -16,7 +17,7 @@ umask 022
 part=vehicle root='' venv=yes
 while [ $# -gt 0 ]; do
     case $1 in
-        vehicle | room | law | broker) part=$1 ;;
+        vehicle | room | law | page | broker) part=$1 ;;
         --no-venv) venv=no ;;
         --root)
             [ $# -gt 1 ] || { echo "install: --root wants a folder" >&2; exit 2; }
@@ -25,7 +26,7 @@ while [ $# -gt 0 ]; do
             root=$(cd "$1" && pwd)
             ;;
         *)
-            echo "install: '$1' is unknown; it is: install.sh [vehicle|room|law|broker] [--root DIR] [--no-venv]" >&2
+            echo "install: '$1' is unknown; it is: install.sh [vehicle|room|law|page|broker] [--root DIR] [--no-venv]" >&2
             exit 2
             ;;
     esac
@@ -144,6 +145,8 @@ if [ "$part" != broker ]; then
 fi
 if [ "$part" = law ]; then
     make_ground_config
+elif [ "$part" = page ]; then
+    keep 644 config/page.toml /etc/dauam/page.toml
 elif [ "$part" != broker ]; then
     make_config
 fi
@@ -155,6 +158,7 @@ case $part in
         ;;
     room) put 644 systemd/dauam-mocap-bridge.service /etc/systemd/system/dauam-mocap-bridge.service ;;
     law) put 644 systemd/dauam-law.service /etc/systemd/system/dauam-law.service ;;
+    page) put 644 systemd/dauam-page.service /etc/systemd/system/dauam-page.service ;;
     broker) put 644 systemd/mosquitto.service.d/dauam.conf /etc/systemd/system/mosquitto.service.d/dauam.conf ;;
 esac
 
@@ -172,6 +176,7 @@ case $part in
     vehicle) next="edit /etc/dauam/companion.toml, then: sudo systemctl enable --now dauam-companion" ;;
     room) next="edit /etc/dauam/companion.toml, then: sudo systemctl enable --now dauam-mocap-bridge" ;;
     law) next="edit /etc/dauam/ground.toml, copy the vehicle's key to /etc/dauam/law.key, then: sudo systemctl enable --now dauam-law" ;;
+    page) next="edit /etc/dauam/page.toml, set a password (docs/install.md), then: sudo systemctl enable --now dauam-page" ;;
     broker) next="see config/mosquitto/ for the broker's own files, then: sudo systemctl restart mosquitto" ;;
 esac
 say "done; next: $next"

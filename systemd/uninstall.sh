@@ -27,7 +27,7 @@ if systemd_runs; then
             exit 1
         fi
     done
-    for unit in dauam-companion dauam-law dauam-mocap-bridge; do
+    for unit in dauam-companion dauam-law dauam-mocap-bridge dauam-page; do
         if systemctl cat $unit > /dev/null 2>&1; then
             systemctl disable --quiet --now $unit
         fi
@@ -38,6 +38,7 @@ for each in \
     /etc/systemd/system/dauam-companion.service \
     /etc/systemd/system/dauam-law.service \
     /etc/systemd/system/dauam-mocap-bridge.service \
+    /etc/systemd/system/dauam-page.service \
     /etc/systemd/system/mosquitto.service.d/dauam.conf \
     /etc/udev/rules.d/99-dauam-u2d2.rules \
     /etc/sysusers.d/dauam.conf \

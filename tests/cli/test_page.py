@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 
 from companion.cli.operator.page import _page
+from companion.client.endpoint import EndpointOptions, endpoint_of
+from companion.config.locations import default_config_path
 from companion.config.operator_config import OperatorConfig, PageConfig
 from companion.core.errors import ConfigError
 from companion.page.passwords import PasswordHash
@@ -91,6 +93,12 @@ def test_a_file_has_the_pages_address_and_options_go_first(tmp_path: Path) -> No
     file.write_text("[page]\nprot = 81\n")
     with pytest.raises(ConfigError, match=r"page\.prot: unknown key, did you mean 'port'"):
         _page({}, file)
+
+
+def test_the_example_for_the_unit_is_valid() -> None:
+    example = default_config_path("page.toml")
+    assert endpoint_of(EndpointOptions(config=example)).port == 1883
+    assert _page({}, example) == PageConfig(host="0.0.0.0", port=8080)
 
 
 def test_a_password_is_hashed_into_a_file(page_password: Type, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

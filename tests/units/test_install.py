@@ -127,6 +127,7 @@ def test_what_is_a_comment_in_the_first_configuration_may_be_uncommented(tmp_pat
 def test_each_computer_of_the_room_gets_its_own_part(tmp_path: Path) -> None:
     install(tmp_path / "room", "room")
     install(tmp_path / "law", "law")
+    install(tmp_path / "page", "page")
     install(tmp_path / "broker", "broker")
     assert set(files(tmp_path / "room")) == {
         "etc/dauam/companion.toml",
@@ -138,13 +139,18 @@ def test_each_computer_of_the_room_gets_its_own_part(tmp_path: Path) -> None:
         "etc/systemd/system/dauam-law.service",
         "etc/sysusers.d/dauam.conf",
     }
+    assert set(files(tmp_path / "page")) == {
+        "etc/dauam/page.toml",
+        "etc/systemd/system/dauam-page.service",
+        "etc/sysusers.d/dauam.conf",
+    }
     ground = (tmp_path / "law/etc/dauam/ground.toml").read_text()
     assert 'folder = "/var/lib/dauam/flights"  ' in ground, "where the unit may write"
     assert set(files(tmp_path / "broker")) == {"etc/systemd/system/mosquitto.service.d/dauam.conf"}
 
 
 @needs_sysusers
-@pytest.mark.parametrize("part", ["vehicle", "room", "law", "broker"])
+@pytest.mark.parametrize("part", ["vehicle", "room", "law", "page", "broker"])
 def test_uninstalling_leaves_configuration_records_and_user(tmp_path: Path, part: str) -> None:
     install(tmp_path, part)
     record = tmp_path / "var/lib/dauam/flights/one.mcap"
@@ -155,7 +161,7 @@ def test_uninstalling_leaves_configuration_records_and_user(tmp_path: Path, part
     command.symlink_to("/opt/dauam/bin/companion")
     out = said(UNINSTALL, "--root", tmp_path)
     left = {"var/lib/dauam/flights/one.mcap"}
-    left |= {"etc/dauam/ground.toml"} if part == "law" else set()
+    left |= {"law": {"etc/dauam/ground.toml"}, "page": {"etc/dauam/page.toml"}}.get(part, set())
     left |= {name for name in VEHICLE if name.endswith((".conf", ".toml")) and "sysusers" not in name}
     assert set(files(tmp_path)) <= left
     assert record.exists()
@@ -188,7 +194,7 @@ def test_without_root_nothing_is_touched(script: Path, tmp_path: Path) -> None:
     [
         (["vehicel"], "'vehicel' is unknown"),
         (["--root"], "--root wants a folder"),
-        (["--help"], "'--help' is unknown; it is: install.sh [vehicle|room|law|broker]"),
+        (["--help"], "'--help' is unknown; it is: install.sh [vehicle|room|law|page|broker]"),
     ],
 )
 def test_a_wrong_word_is_answered_with_the_right_ones(words: list[str], says: str) -> None:

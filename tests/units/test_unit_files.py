@@ -15,6 +15,7 @@ UNITS = {
     "dauam-companion.service": 2.2,
     "dauam-law.service": 1.5,
     "dauam-mocap-bridge.service": 1.3,
+    "dauam-page.service": 1.3,
 }
 needs_analyze = needs("systemd-analyze")
 OURS = sorted(path.name for path in SYSTEMD.glob("*.service"))
