@@ -43,12 +43,10 @@ class PasswordHash:
     def read(cls, path: Path) -> Self:
         """Read the file; ConfigError when others may read it, or it holds no such hash."""
         where, remedy = f"the page's password {path}", f"write it with `companion page-password {path}`"
-        if not path.exists():
-            raise ConfigError(f"{where}: there is no such file: {remedy}")
         try:
             usable_secret(str(path))
         except ValueError as error:
-            raise ConfigError(f"{where}: {error}") from error
+            raise ConfigError(f"{where}: {error}{'' if 'chmod' in str(error) else f': {remedy}'}") from error
         found = _FORM.fullmatch(secret_in(str(path), where, _MOST_FILE_BYTES, "the hash of a password"))
         if found is None:
             raise ConfigError(f"{where}: does not hold the hash of a password: {remedy}")

@@ -80,14 +80,16 @@ class Vehicles:
 
     async def _follow(self, name: str) -> None:
         """Follow one vehicle for ever; its console reconnects by itself once it has been connected."""
-        place = self._broker.model_copy(update={"vehicle": name})
+        place, said = self._broker.model_copy(update={"vehicle": name}), ""
         while True:
             try:
                 async with open_console(place) as console:
                     self._consoles[name] = console
                     await self._hear(name, console)
             except CompanionError as error:
-                LOG.info("%s: %s", name, error)
+                if str(error) != said:
+                    said = str(error)
+                    LOG.warning("%s: %s", name, said)
             finally:
                 self._consoles.pop(name, None)
             await asyncio.sleep(_AGAIN_S)

@@ -35,7 +35,10 @@ def page_password(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("--page-password", "/none"), "the page's password /none: there is no such file: write it with"),
+        (
+            ("--page-password", "/none"),
+            "password /none: there is no such file that could be read: write it with",
+        ),
         (("--page-password", "/etc/hosts"), "the page's password /etc/hosts: every user of this computer may read"),
         (("--tls-cert", "x.crt"), "the page's options: tls_cert and tls_key belong together: give both"),
         (("--tls-key", "x.key"), "tls_cert and tls_key belong together"),

@@ -57,7 +57,7 @@ def test_a_file_that_is_none_is_refused_in_a_sentence(tmp_path: Path, text: str,
 
 
 def test_a_missing_file_says_how_to_write_one(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="there is no such file: write it with `companion page-password"):
+    with pytest.raises(ConfigError, match="there is no such file that could be read: write it with `comp"):
         PasswordHash.read(tmp_path / "none")
     with pytest.raises(ConfigError, match="is no file"):
         PasswordHash.read(tmp_path)
