@@ -1,7 +1,7 @@
 """`companion demo --vehicles N`: several vehicles, from the options to the exit code."""
 
 import json
-from contextlib import nullcontext
+from contextlib import ExitStack
 from datetime import UTC, datetime
 from typing import Any
 
@@ -42,10 +42,11 @@ def fly(options: FleetOptions, console: Console) -> int:
         records=options.out,
         stay_s=options.stay_s,
     )
-    served = page_of_demo(plan.configs[0], options.free_ports, console) if options.page else nullcontext()
     try:
-        with served:
-            flown = uvloop.run(fly_fleet(flight, console))
+        with ExitStack() as page:
+            if options.page:
+                page.enter_context(page_of_demo(plan.configs[0], options.free_ports, console))
+            flown = uvloop.run(fly_fleet(flight, console, page.close))
     except KeyboardInterrupt:
         console.print("[yellow]interrupted[/] before the flight")
         return INTERRUPTED

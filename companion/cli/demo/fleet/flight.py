@@ -61,8 +61,11 @@ class FleetFlown:
     """Whether each vehicle was disarmed on the ground at the end."""
 
 
-async def fly_fleet(flight: FleetFlight, console: Console) -> FleetFlown:
-    """Start everything, fly, land, stop everything, whatever happens; CompanionError when it could not be started."""
+async def fly_fleet(flight: FleetFlight, console: Console, end_page: Callable[[], None]) -> FleetFlown:
+    """Start everything, fly, land, stop everything, whatever happens; CompanionError when it could not be started.
+
+    `end_page` is called when all is over, before the broker that a page needs ends.
+    """
     flown, display = FleetFlown(), FleetDisplay(console)
     ctrl_c = _CtrlC(flown, display)
 
@@ -76,6 +79,7 @@ async def fly_fleet(flight: FleetFlight, console: Console) -> FleetFlown:
             async with _vehicles(flight, Path(folder), display, hear) as vehicles:
                 await _fly(flight, vehicles, display, ctrl_c)
                 display.say("services, broker and mocks end")
+                await asyncio.to_thread(end_page)
         except asyncio.CancelledError:
             if not flown.interrupted:
                 raise
