@@ -1,6 +1,7 @@
 """Vehicles of a broker as the page finds, follows and commands them; the broker goes and comes back."""
 
 import asyncio
+import gc
 import json
 import time
 from collections.abc import AsyncIterator
@@ -201,3 +202,11 @@ async def test_without_a_broker_the_page_says_so_and_sends_nothing() -> None:
         assert heard.last("hello", vehicles=["one"])
         async with asyncio.timeout(2.0):
             await until(lambda: heard.last("beat"))
+
+
+async def test_the_end_in_the_middle_of_connecting_is_quiet(caplog: pytest.LogCaptureFixture) -> None:
+    for _ in range(3):
+        async with followed(1):
+            await asyncio.sleep(0)  # the connection is being refused in a thread
+        gc.collect()
+    assert [record.message for record in caplog.records if record.name == "asyncio"] == []

@@ -241,4 +241,6 @@ async def _to_its_end(work: "asyncio.Future[None]") -> None:
         await asyncio.shield(work)
     except asyncio.CancelledError:
         await asyncio.wait([work])
+        if not work.cancelled():
+            work.exception()  # nobody else asks for it, which asyncio would log
         raise
