@@ -13,7 +13,11 @@ from companion.core.types import Array, OtherBody, OtherVehicle, Vec3
 from companion.guard.separation import Separation
 from companion.preflight.checks.all_checks import check_all
 from companion.preflight.checks.check import Check
-from companion.preflight.checks.other_vehicles import OtherVehicleFacts, check_other_vehicles
+from companion.preflight.checks.other_vehicles import (
+    OtherVehicleFacts,
+    check_other_vehicles,
+    check_seen_as_parked,
+)
 from tests.preflight.facts import RECOMMENDED, ready
 
 HERE = np.array([0.0, 0.0, 0.1])
@@ -78,3 +82,11 @@ def test_the_whole_list_has_them_only_where_there_are_others() -> None:
 
     assert names(()) == []
     assert names(("two", "dauam")) == ["distance to other vehicles"]
+
+
+@pytest.mark.parametrize(("height_m", "passed"), [(0.34, True), (0.36, False), (math.nan, False)])
+def test_one_that_stands_must_look_parked_to_the_others(height_m: float, passed: bool) -> None:
+    check = check_seen_as_parked(np.array([0.0, 0.0, height_m]), 0.35)
+    assert check.refuses is not passed
+    assert check.says.endswith("below 0.35 m wanted")
+    assert check_seen_as_parked(None, 0.35).refuses

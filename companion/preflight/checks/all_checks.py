@@ -17,7 +17,7 @@ from companion.preflight.checks.computer import ComputerFacts
 from companion.preflight.checks.hand_test import HandTest, check_hand_test
 from companion.preflight.checks.law_link import LawLinkFacts, check_law_link
 from companion.preflight.checks.mocap import MocapFacts
-from companion.preflight.checks.other_vehicles import OtherVehicleFacts, check_other_vehicles
+from companion.preflight.checks.other_vehicles import OtherVehicleFacts, check_other_vehicles, check_seen_as_parked
 from companion.preflight.checks.vehicle import ServoFacts, check_parameters
 from companion.preflight.checks.without_frames import GroundPoseFacts
 from companion.trajectories.reference import Trajectory
@@ -108,7 +108,8 @@ def _others(facts: Facts, config: CompanionConfig) -> tuple[Check, ...]:
     if clear is None:
         return ()
     names = config.separation.others_than(config.mocap.body)
-    return check_other_vehicles(facts.vehicles, names, facts.position_w_m, clear)
+    seen = check_other_vehicles(facts.vehicles, names, facts.position_w_m, clear)
+    return *seen, check_seen_as_parked(facts.position_w_m, config.separation.parked_below_m)
 
 
 def _hand_test(facts: Facts, body: str, wanted: PreflightConfig) -> Check:

@@ -57,3 +57,14 @@ def _distance(known: dict[str, OtherVehicle], position_w_m: Array | None, clear:
     )
     says = f"{near_m:.2f} m to {body!r}, at least {clear.radius_m:.2f} m wanted"
     return Check(name, near_m >= clear.radius_m, says, "carry one of the two further away")
+
+
+def check_seen_as_parked(position_w_m: Array | None, below_m: float) -> Check:
+    """Check that the others take this vehicle, which stands, for parked; otherwise they yield to it as if it flew."""
+    name, todo = "seen as parked", "raise separation.parked_below_m in the file of every vehicle"
+    if position_w_m is None:
+        return Check(name, False, "where the vehicle stands is not known", "see the mocap checks")
+    height_m = float(position_w_m[2])
+    return Check(
+        name, height_m < below_m, f"stands at a height of {height_m:.2f} m, below {below_m:.2f} m wanted", todo
+    )
