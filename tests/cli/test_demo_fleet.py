@@ -3,28 +3,33 @@
 import io
 import socket
 import tomllib
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from rich.console import Console
 
+from companion.cli.demo.fleet import mission
 from companion.cli.demo.fleet.command import _wrong
 from companion.cli.demo.fleet.display import FleetDisplay
 from companion.cli.demo.fleet.flight import FleetFlown
-from companion.cli.demo.fleet.mission import lap_waypoints
+from companion.cli.demo.fleet.mission import Mission, lap_waypoints
 from companion.cli.demo.fleet.report import VehicleReport, as_dict, plot_fleet, separations
 from companion.cli.demo.fleet.room import LANE_M, plan_room
 from companion.cli.demo.fleet.toml_text import toml_of
 from companion.cli.demo.mock_process import FaultTold, _fault_told
+from companion.client.command_draft import CommandDraft
+from companion.client.errors import RejectedError
 from companion.config.companion_config import load_config
 from companion.config.controller_config import ErrorLimits
 from companion.config.locations import default_config_path
 from companion.config.separation_config import SeparationConfig
+from companion.core.errors import FlightError
 from companion.core.types import Array
-from companion.protocol.telemetry import Happened, Kind
+from companion.protocol.telemetry import Answer, Happened, Kind, Reply, State
 from companion.records.flight_record import FlightRecord
 from tests.cli.typed import typing
 
@@ -186,3 +191,63 @@ def test_options_of_one_vehicle_are_refused(
     assert typed.err.startswith(
         "companion: --vehicles 2: flies laps and crossing ways, laws on board: leave out --traj"
     )
+
+
+class Stub:
+    """A vehicle that does what it is told at once; `refusals` of its next ways are refused."""
+
+    def __init__(self, name: str, log: list[str]) -> None:
+        self.name, self._log, self.refusals, self.fails = name, log, 0, ""
+        self.state = State(time_s=0.0, session="a", phase="hold")
+
+    def __getattr__(self, verb: str) -> Any:
+        async def done(*_: object, **__: object) -> str:
+            self._log.append(f"{self.name} {verb}")
+            if verb == self.fails:
+                raise FlightError(f"{verb} failed")
+            return ""
+
+        return done
+
+    async def wait_until(self, *_: object, **__: object) -> State:
+        return self.state
+
+    async def execute(self, draft: CommandDraft, hear: Callable[[Reply], None]) -> None:
+        self._log.append(f"{self.name} {draft.verb}")
+        answer = Answer.REFUSED if self.refusals else Answer.ACCEPTED
+        reply = Reply(id=draft.id, answer=answer, time_s=0.0, text=f"{answer} way")
+        if self.refusals:
+            self.refusals -= 1
+            raise RejectedError(draft.verb, reply)
+        hear(reply)
+
+
+@pytest.fixture
+def crew(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> tuple[Mission, list[Stub], list[str]]:
+    """A mission of two, and all that is done and said in it."""
+    for name in ("_AGAIN_S", "_SETTLED_S"):
+        monkeypatch.setattr(mission, name, 0.0)
+    log: list[str] = []
+    stubs = [Stub("one", log), Stub("two", log)]
+    plan = plan_room(SETTINGS, 2, tmp_path, free=True)
+    return Mission(plan, cast(Any, tuple(stubs)), log.append, None), stubs, log
+
+
+async def test_the_mission_asks_again_for_a_way_that_is_refused(crew: tuple[Mission, list[Stub], list[str]]) -> None:
+    flown, stubs, log = crew
+    stubs[1].refusals = 3
+    await flown.fly(2)
+    assert [line for line in log if line.startswith("two ")] == [
+        "two arm", "two takeoff", *["two goto"] * 4, "two track", "two goto", "two goto", "two land"
+    ]  # fmt: skip
+    assert [line for line in log if line.endswith(" hold")] == ["one hold"]
+    assert "two: accepted way" in log
+
+
+async def test_an_error_of_the_mission_names_its_vehicle(crew: tuple[Mission, list[Stub], list[str]]) -> None:
+    flown, stubs, log = crew
+    stubs[1].fails = "track"
+    with pytest.raises(FlightError, match=r"^two: track failed$"):
+        await flown.fly(2)
+    assert "one track" in log, "the other one flies to the end of its laps"
+    assert "one land" not in log

@@ -1,7 +1,7 @@
 """Flight plan of a demo's vehicles: laps side by side, crossing ways of which the later one yields, landing."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from companion.client.connecting import together
 from companion.client.errors import FailedError, RejectedError
 from companion.client.messages import Message
 from companion.client.vehicle import Vehicle
-from companion.core.interfaces import FlightError
+from companion.core.interfaces import CompanionError, FlightError
 from companion.core.types import Array
 from companion.protocol.telemetry import Answer, Reply
 from companion.trajectories.reference import Ellipse, LapTiming
@@ -41,35 +41,36 @@ class Mission:
     async def fly(self, laps: int) -> None:
         """Fly all of it; raises the first command's error that the plan does not expect."""
         self._say(f"all arm, then take off together to {self._height_m:g} m")
-        await together(*(vehicle.arm() for vehicle in self._vehicles))
-        await together(*(vehicle.takeoff() for vehicle in self._vehicles))
+        await together(*(_named(vehicle, vehicle.arm()) for vehicle in self._vehicles))
+        await together(*(_named(vehicle, vehicle.takeoff()) for vehicle in self._vehicles))
         await asyncio.sleep(_SETTLED_S)
         self._say(f"each to its own lane, {LANE_M:g} m apart")
         lanes_y_m = [self._plan.lane_y_m(index) for index in range(len(self._vehicles))]
         starts = zip(self._vehicles, lanes_y_m, strict=True)
-        await together(*(self._insist(vehicle, _SEMI_AXES_M[0], y_m) for vehicle, y_m in starts))
+        await together(*(_named(vehicle, self._insist(vehicle, _SEMI_AXES_M[0], y_m)) for vehicle, y_m in starts))
         self._say(f"{laps} laps side by side at the same time")
         await together(*(self._laps(index, vehicle, laps) for index, vehicle in enumerate(self._vehicles)))
         await self._cross(*self._vehicles[:2])
         self._say("all land together")
-        await together(*(vehicle.land() for vehicle in self._vehicles))
+        await together(*(_named(vehicle, vehicle.land()) for vehicle in self._vehicles))
 
     async def _laps(self, index: int, vehicle: Vehicle, laps: int) -> None:
         """Fly laps around the vehicle's own lane."""
         path = lap_waypoints(self._plan.lane_y_m(index), self._height_m, laps)
-        await vehicle.track(path, arms=self._arms)
+        await _named(vehicle, vehicle.track(path, arms=self._arms))
 
     async def _cross(self, first: Vehicle, second: Vehicle) -> None:
         """Fly along both diagonals of a rectangle: the first goes ahead and stops in the middle, the second yields."""
         y_m = (self._plan.lane_y_m(0), self._plan.lane_y_m(1))
         self._say(f"to two corners, from which the ways of {first.name} and {second.name} cross")
-        await together(*(self._go(one, _CORNER_X_M, y) for one, y in zip((first, second), y_m, strict=True)))
+        corners = zip((first, second), y_m, strict=True)
+        await together(*(_named(one, self._insist(one, _CORNER_X_M, y)) for one, y in corners))
         self._say(f"{first.name} goes first")
         leading = asyncio.create_task(self._lead(first, y_m[1]), name="companion.demo_leading")
         try:
             await first.wait_until(lambda state: state.doing is not None, timeout_s=_PATIENCE_S)
             await asyncio.sleep(_AGAIN_S)
-            await self._follow(second, y_m[0])
+            await _named(second, self._insist(second, -_CORNER_X_M, y_m[0]))
             await leading
         finally:
             leading.cancel()
@@ -90,11 +91,7 @@ class Mission:
             await asyncio.gather(going, return_exceptions=True)
         await asyncio.sleep(_SETTLED_S)
         self._say(f"{first.name} flies on")
-        await self._insist(first, -_CORNER_X_M, y_m)
-
-    async def _follow(self, second: Vehicle, y_m: float) -> None:
-        """Fly to the far corner as soon as the way is free, as often as it takes."""
-        await self._insist(second, -_CORNER_X_M, y_m)
+        await _named(first, self._insist(first, -_CORNER_X_M, y_m))
 
     async def _insist(self, vehicle: Vehicle, x_m: float, y_m: float) -> None:
         """Fly to a place; try again while the other vehicle is in the way. FlightError when it stays there."""
@@ -119,6 +116,14 @@ class Mission:
                 self._say(f"{vehicle.name}: {message.text}")
 
         await vehicle.execute(CommandDraft("goto", x_m=x_m, y_m=y_m, z_m=self._height_m), hear=hear)
+
+
+async def _named(vehicle: Vehicle, work: Awaitable[object]) -> None:
+    """Wait for a command; its error says which vehicle's it is."""
+    try:
+        await work
+    except CompanionError as error:
+        raise FlightError(f"{vehicle.name}: {error}") from error
 
 
 def lap_waypoints(lane_y_m: float, height_m: float, laps: int) -> Array:
