@@ -95,6 +95,7 @@ def table(outcomes: Sequence[Outcome]) -> list[str]:
         ("separation lost", f"{sum(len(one.lost) for one in outcomes)} times"),
         ("collisions", str(sum(len(one.collisions) for one in outcomes))),
         ("longest blocked", f"{longest.blocked.for_s:.1f} s (seed {longest.seed}, {longest.blocked.body})"),
+        ("longest wait for a takeoff", f"{max(outcome.stood_s for outcome in outcomes):.1f} s"),
         ("troubles", _listed(troubles)),
         ("commands", _listed(counts)),
         ("faults that began", _listed(faults)),

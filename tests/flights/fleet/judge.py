@@ -5,7 +5,7 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from companion.supervisor.faults import Fault
-from companion.supervisor.flight_state import Phase
+from companion.supervisor.flight_state import FlightRules, Phase
 from mock_autopilot.mavlink.streams import TICK_S
 from mock_autopilot.physics.truth import Truth
 from tests.flights.fleet.operator import Operator, Place
@@ -15,9 +15,11 @@ STEP_S = TICK_S
 """Of the worlds: 4 ms, twice as long as the mock's own; a third less to compute."""
 EVERY = 5
 """Steps between two looks."""
+LIFT_OFF_M = FlightRules().lift_off_m
+"""Height from which on a vehicle counts as flying, as the supervisor has it."""
 STAYS_M = 0.3
 """A vehicle that stays within this for long is blocked, if it has something to do."""
-WAITING = frozenset({Phase.HOLD, Phase.TRACK, Phase.TAKEOFF, Phase.ARMED})
+WAITING = frozenset({Phase.HOLD, Phase.TRACK, Phase.TAKEOFF})
 DEADLOCK_S = 10.0
 KEPT = 400
 """Looks that are kept, to tell what led to a loss of separation."""
@@ -59,6 +61,7 @@ class Blocked:
 class _Anchor:
     place: Place
     waited_s: float = 0.0
+    stood_s: float = 0.0
 
 
 @dataclass
@@ -72,6 +75,8 @@ class Judge:
     lost: list[Closest] = field(default_factory=list)
     """Every time that a pair came inside, with the deepest point of it."""
     blocked: Blocked = field(default_factory=Blocked)
+    longest_stood_s: float = 0.0
+    """Longest time in which a takeoff was refused again and again."""
     trail: deque[str] = field(default_factory=lambda: deque(maxlen=KEPT))
     """Places and phases of the last seconds, for a person."""
     keeps_trail: bool = False
@@ -100,9 +105,10 @@ class Judge:
         first, second = pair
         (x1, y1, z1), (x2, y2, z2) = places[first], places[second]
         beside_m, above_m = math.hypot(x1 - x2, y1 - y2), abs(z1 - z2)
-        if truths[first].on_ground and truths[second].on_ground:
+        standing = [truth.on_ground or -truth.position_ned_m[2] < LIFT_OFF_M for truth in truths]
+        if standing[first] and standing[second]:
             return
-        stands = truths[second if z2 > z1 else first].on_ground  # the lower one: NED
+        stands = standing[second if z2 > z1 else first]  # the lower one: NED
         height_m = self.limit.parked_height_m if stands else self.limit.height_m
         clearance_m = max(beside_m - self.limit.radius_m, above_m - height_m)
         nearest = clearance_m < self.closest.clearance_m
@@ -136,7 +142,8 @@ class Judge:
         """Note how long a vehicle that has something to do has waited in its place, in the air or for its takeoff.
 
         A landing, and what is done on the ground before a takeoff, is no waiting; nor is a hold while another vehicle
-        is not seen, which the table of faults asks for.
+        is not seen, which the table of faults asks for. A takeoff that is refused because another one is too near is
+        counted by itself: that is the rule, and both stand safely.
         """
         flight, operator = self.fleet.flights[number], self.operators[number]
         anchor = self._anchors.get(number)
@@ -146,7 +153,10 @@ class Judge:
             return
         assert anchor is not None
         held = any(event.fault is Fault.OTHER_UNSEEN for event in flight.loop.events)
-        if flight.phase in WAITING and not held and (flight.loop.flight.airborne or operator.takeoff_refused):
+        if flight.phase is Phase.ARMED and operator.takeoff_refused:
+            anchor.stood_s += EVERY * STEP_S
+            self.longest_stood_s = max(self.longest_stood_s, anchor.stood_s)
+        elif flight.phase in WAITING and not held and flight.loop.flight.airborne:
             anchor.waited_s += EVERY * STEP_S
         if anchor.waited_s > self.blocked.for_s:
             name, reason = self.fleet.room.fleet.names[number], flight.loop.flight.reason

@@ -43,6 +43,8 @@ class Outcome:
     lost: list[Closest]
     collisions: list[str]
     blocked: Blocked
+    stood_s: float
+    """Longest time in which a takeoff was refused again and again."""
     incidents: list[str]
     counts: dict[str, int]
     refusals: dict[str, int]
@@ -152,6 +154,7 @@ async def _fly(order: Order) -> Outcome:
         lost=judge.lost,
         collisions=[str(met) for met in fleet.room.fleet.collisions],
         blocked=judge.blocked,
+        stood_s=judge.longest_stood_s,
         incidents=happened,
         counts=dict(sum((operator.counts for operator in operators), Counter[str]())),
         refusals=dict(sum((operator.refusals for operator in operators), Counter[str]())),
