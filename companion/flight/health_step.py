@@ -131,6 +131,7 @@ class HealthStep:
             disk_free_mb=disk_free_mb() if disk_free_mb is not None else math.inf,
             link=cycle.link,
             others=others,
+            taking_off=flight.phase is Phase.TAKEOFF and not flight.airborne,
             path_w_m=ahead.path_w_m,
             rest_w_m=ahead.rest_w_m,
             command_age_s=cycle.command_age_s,

@@ -106,6 +106,11 @@ class Separation:
         radius_m, height_m, parked_height_m = self.radius_m + by_m, self.height_m + by_m, self.parked_height_m + by_m
         return replace(self, radius_m=radius_m, height_m=height_m, parked_height_m=parked_height_m)
 
+    @property
+    def lowered(self) -> "Separation":
+        """The same for a vehicle that is itself parked: between the two no air streams down on a turning rotor."""
+        return replace(self, height_m=self.parked_height_m)
+
     def gap_m(self, position_w_m: Vec3, other: OtherVehicle) -> float:
         """Return the distance between a position and the other's cylinder (m); negative inside."""
         return self.gap_between_m(position_w_m, other.position_w_m, other.parked)

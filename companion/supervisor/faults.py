@@ -265,8 +265,10 @@ TABLE: tuple[Row, ...] = (
         flying=_LAND, landing=_WARN, ground=_WARN, needs=_PLACE),
     Row(fault=Fault.SEPARATION_LOST,
         sign="inside the cylinder of one that goes first, or of one that is parked; for the one that goes first it is "
-        "traffic, in the air",
-        why="one of the two must leave the air, and the first one holds still for it; on the ground the rotors stop",
+        "traffic, in the air; before lift-off: one in flight comes within {yield_margin_m} m of it in "
+        "{yield_ahead_s} s",
+        why="one of the two must leave the air, and the first one holds still for it; on the ground the rotors stop: "
+        "another one may have flown over the place, which it may not once this one flies",
         flying=_LAND, landing=_WARN, ground=_DISARM, needs=_PLACE),
     Row(fault=Fault.OTHER_UNSEEN,
         sign="a vehicle seen before in this flight is not seen for {other_unseen_s} s",

@@ -71,6 +71,8 @@ class HealthInputs:
     """Link to a law on the ground; None for a law on board."""
     others: tuple[OtherVehicle, ...] = ()
     """The other vehicles, as of the newest frame."""
+    taking_off: bool = False
+    """The rotors spin up for a takeoff, on the ground still."""
     path_w_m: tuple[Vec3, ...] = ()
     """Reference positions from now on, a point every separation.STEP_S; see way_ahead.WayAhead."""
     rest_w_m: Vec3 = (nan, nan, nan)

@@ -59,6 +59,7 @@ def test_the_gap_is_the_larger_of_beside_and_above(place: Vec3, parked: bool, ga
 
 
 def test_a_wider_cylinder_is_wider_on_every_side() -> None:
+    assert CYLINDER.lowered == replace(CYLINDER, height_m=1.0)
     assert CYLINDER.widened(0.25) == replace(CYLINDER, radius_m=1.45, height_m=1.85, parked_height_m=1.25)
 
 

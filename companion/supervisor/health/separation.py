@@ -10,6 +10,7 @@ from companion.supervisor.health_inputs import HealthInputs
 from companion.supervisor.safety_rules import SafetyRules
 from companion.supervisor.separation import (
     NEARER_M,
+    STEP_S,
     SeparationRules,
     least_gap_m,
     stopped,
@@ -89,7 +90,11 @@ def _blocks(
 def _near(
     other: OtherVehicle, own: tuple[Vec3, Vec3], now: HealthInputs, rules: SafetyRules, separation: SeparationRules
 ) -> list[Event]:
-    cylinder, where = separation.cylinder, _where(other, own[0])
+    where = _where(other, own[0])
+    if now.taking_off and not other.parked and _comes_over(other, own[0], rules, separation):
+        return [Event(Fault.SEPARATION_LOST, f"{where}, and comes near before the takeoff")]
+    stands = not now.airborne and now.autopilot.in_air is not True
+    cylinder = separation.cylinder.lowered if stands else separation.cylinder
     if cylinder.gap_m(own[0], other) < 0.0:
         later = separation.yields_to(other) or not now.airborne
         return [Event(Fault.SEPARATION_LOST if later else Fault.TRAFFIC, f"{where}: inside its cylinder")]
@@ -100,6 +105,12 @@ def _near(
     ):
         return [Event(Fault.TRAFFIC, f"{where}, and the ways meet")]
     return []
+
+
+def _comes_over(other: OtherVehicle, own_w_m: Vec3, rules: SafetyRules, separation: SeparationRules) -> bool:
+    """Return True if another one is, or soon will be, where a takeoff would lead into its yield margin."""
+    stays = (own_w_m,) * (round(rules.yield_ahead_s / STEP_S) + 1)
+    return least_gap_m(stays, other, separation.cylinder.widened(rules.yield_margin_m)) < -NEARER_M
 
 
 def _where(other: OtherVehicle, own_w_m: Vec3) -> str:

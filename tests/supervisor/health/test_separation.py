@@ -12,7 +12,17 @@ from companion.guard.separation import Separation
 from companion.supervisor.faults import Event, Fault, Stage
 from companion.supervisor.health_inputs import HealthInputs
 from companion.supervisor.separation import STEP_S, SeparationRules
-from tests.supervisor.observing import RULES, faults, healthy, on_ground, standing, watched, with_seen, with_status
+from tests.supervisor.observing import (
+    RULES,
+    faults,
+    handed_over,
+    healthy,
+    on_ground,
+    standing,
+    watched,
+    with_seen,
+    with_status,
+)
 
 CYLINDER = Separation(radius_m=1.2, height_m=1.6, parked_height_m=1.0, braking_mps2=2.0, reaction_s=0.4)
 LATER = SeparationRules(cylinder=CYLINDER, first=frozenset({"two"}))
@@ -167,6 +177,36 @@ def test_with_turning_rotors_on_the_ground_both_stop(separation: SeparationRules
     assert faults(watched([now], separation=separation)[0]) == [Fault.SEPARATION_LOST]
     assert watched([standing(beside(0, other(1.3), velocity=EAST))], separation=separation) == [()]
     assert watched([on_ground(beside(0, other(1.0)))], separation=separation) == [()], "nothing turns"
+
+
+@pytest.mark.parametrize(
+    ("there", "stops"),
+    [
+        (other(1.44), True),
+        (other(1.46), False),
+        (other(0.0, z_m=1.84), True),
+        (other(0.0, z_m=1.86), False),
+        (other(3.9, z_m=1.4, velocity=(-1.0, 0.0, 0.0)), True),
+        (other(4.0, z_m=1.4, velocity=(-1.0, 0.0, 0.0)), False),
+        (other(2.0, z_m=1.4, velocity=(1.0, 0.0, 0.0)), False),
+        (other(1.3, parked=True), False),
+    ],
+)
+def test_a_takeoff_ends_before_lift_off_if_another_one_comes(there: OtherVehicle, stops: bool) -> None:
+    """It was far enough from one that is parked; of one that flies it must stay further away."""
+    now = replace(standing(beside(0, there)), path_w_m=())
+    assert watched([now], separation=FIRST) == [()]
+    expected = [Fault.SEPARATION_LOST] if stops else []
+    assert faults(watched([replace(now, taking_off=True)], separation=FIRST)[0]) == expected
+
+
+def test_over_one_that_stands_less_height_is_needed() -> None:
+    above = standing(beside(0, other(0.0, z_m=1.1)))
+    assert watched([above], separation=LATER) == [()]
+    assert faults(watched([standing(beside(0, other(0.0, z_m=0.9)))], separation=LATER)[0]) == [Fault.SEPARATION_LOST]
+    landed = handed_over(beside(0, other(0.0, z_m=1.1)))
+    assert faults(watched([landed], separation=LATER)[0]) == [Fault.SEPARATION_LOST], "PX4 flies it"
+    assert watched([with_status(landed, in_air=False)], separation=LATER) == [()]
 
 
 def test_who_does_not_know_its_own_place_judges_no_distance() -> None:
