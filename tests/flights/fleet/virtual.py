@@ -12,11 +12,16 @@ import uvloop
 from companion.config.companion_config import CompanionConfig
 from companion.flight.tick import Tick
 from companion.geometry.frames import flip_yz
+from mock_autopilot.config import MockConfig
+from tests.flights.command import ROOT
 from tests.flights.fleet.judge import DEADLOCK_S, STEP_S, Blocked, Closest, Judge, Limit
 from tests.flights.fleet.operator import Operator, Place
 from tests.flights.fleet.plan import LOST_S, REST_S, SILENT_S, Incident, Trouble, incidents_of
 from tests.flights.simulated import BRISK, Flight, Step
 from tests.flights.simulated_fleet import FleetFlight, fly_fleet
+
+WIND = MockConfig.load(ROOT / "config" / "mock.toml").disturbance.model_dump()
+"""The demo's forces, 1.5 N and more."""
 
 
 @dataclass(frozen=True)
@@ -138,6 +143,7 @@ async def _fly(order: Order) -> Outcome:
             [script(operator) for operator in operators],
             config=config,
             seed=order.seed,
+            tables={"disturbance": WIND},
             step_s=STEP_S,
             watch=watched.tick,
             made=made,
