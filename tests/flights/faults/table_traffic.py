@@ -13,6 +13,7 @@ from companion.config.safety_config import FenceConfig
 from companion.config.separation_config import SeparationConfig
 from companion.core.types import MocapFrame, OtherBody, Vec3
 from companion.supervisor.faults import Fault
+from companion.supervisor.flight_state import TakeoffRequest
 from companion.supervisor.state_machine import reference_at
 from tests.flights.faults.rows import CONFIG, RULES, Act, Conditions, End, Row, When, within
 from tests.flights.simulated import Flight
@@ -77,6 +78,17 @@ def drives_to_the_fence(flight: Flight) -> Path:
     return lambda t: (min(x - 4.0 + 0.8 * t, FENCE_M - 0.3), y, z)
 
 
+def take_off(flight: Flight) -> None:
+    """Order a takeoff, as the operator does."""
+    assert not flight.loop.submit(TakeoffRequest(1.2))
+
+
+def flies_over(flight: Flight) -> Path:
+    """Return a path over the vehicle, higher than one needs to fly over a parked one, at 1 m/s."""
+    x, y, z = flight.room.truth_w_m.tolist()
+    return lambda t: (x - 4.0 + t, y, z + 1.4)
+
+
 def lost_after(seen_s: float, for_s: float = math.inf) -> Callable[[Flight], Path]:
     """Return a path in a far corner, seen for so long, then not."""
     return lambda _: lambda t: None if seen_s <= t < seen_s + for_s else (3.5, 3.5, 0.1)
@@ -92,6 +104,8 @@ TRAFFIC = (
     Row(Fault.SEPARATION_LOST, "another one drives it to the fence", (another(drives_to_the_fence),), OURS, within(6.5),
         When.HOVER, patience_s=12.0, flown_with=NARROW),
     Row(Fault.SEPARATION_LOST, "another one is carried to it", (another(comes(3.0, 1.0)),), NOT, within(COMES_S),
+        When.GROUND, flown_with=SHARED),
+    Row(Fault.SEPARATION_LOST, "another one flies over its takeoff", (take_off, another(flies_over)), NOT, within(0.4),
         When.GROUND, flown_with=SHARED),
     Row(Fault.OTHER_UNSEEN, "the other one's markers are covered", (another(lost_after(SEEN_S)),), OURS,
         within(SEEN_S + RULES.other_unseen_s), When.TRACK, flown_with=SHARED),
