@@ -3,7 +3,9 @@
 import json
 import re
 import urllib.request
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from websockets.asyncio.client import ClientConnection, connect
@@ -22,12 +24,12 @@ def logged_in(host: str, token: str) -> str:
         return str(answer.headers["set-cookie"]).partition(";")[0]
 
 
-async def until_phase(page: ClientConnection, phase: str) -> str:
-    """Read until a vehicle is in a phase; return its name."""
+async def first(page: ClientConnection, fits: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    """Return the first message that fits."""
     while True:
-        message = json.loads(await page.recv())
-        if message["type"] == "state" and message["state"]["phase"] == phase:
-            return str(message["vehicle"])
+        message: dict[str, Any] = json.loads(await page.recv())
+        if fits(message):
+            return message
 
 
 async def test_landing_from_the_page_ends_the_demo(tmp_path: Path) -> None:
@@ -38,9 +40,10 @@ async def test_landing_from_the_page_ends_the_demo(tmp_path: Path) -> None:
     host, token = found[1], found[2]
     cookie = {"cookie": logged_in(host, token)}
     async with connect(f"ws://{host}/ws", origin=f"http://{host}", additional_headers=cookie) as page:  # type: ignore[arg-type]
-        name = await until_phase(page, "takeoff")
-        await page.send(json.dumps({"type": "command", "ref": 1, "vehicle": name, "verb": "land"}))
-        await until_phase(page, "disarmed")
+        climbs = await first(page, lambda said: said["type"] == "state" and said["state"]["phase"] == "takeoff")
+        land = {"type": "command", "ref": 1, "vehicle": climbs["vehicle"], "verb": "land"}
+        await page.send(json.dumps(land))
+        assert (await first(page, lambda said: said["type"] == "reply"))["answer"] == "accepted"
     ran = await running.ended()
     assert ran.code == 1, ran.said
     assert "the operator ordered it" in ran.out
