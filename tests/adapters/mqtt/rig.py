@@ -91,6 +91,7 @@ def state(time_s: float) -> State:
         "record": "",
         "text": "",
         "warnings": (),
+        "others": (),
     }
     return State.model_validate(unknown | known | rest)
 
