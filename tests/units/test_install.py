@@ -101,6 +101,11 @@ def test_the_grounds_first_configuration_is_one_the_law_takes_and_is_kept(tmp_pa
 
 
 @needs_sysusers
+def uncommented(text: str) -> str:
+    """Return lines of TOML without the sign that makes them comments."""
+    return re.sub(r"(?m)^# (?=\[?[\w.]+\]?(?: = |\n))", "", text)
+
+
 def test_what_is_a_comment_in_the_first_configuration_may_be_uncommented(tmp_path: Path) -> None:
     """Each table stands there once: a second one of its name is no TOML."""
     install(tmp_path)
@@ -111,7 +116,10 @@ def test_what_is_a_comment_in_the_first_configuration_may_be_uncommented(tmp_pat
     first = path.read_text().replace("/etc/dauam/law.key", str(key))
     before, operator, after = re.split(r"(?m)^(# \[operator\]\n(?:# .*\n)+)", first)
     without_files = re.sub(r"(?m)^# \w+_file = .*\n", "", operator)
-    text = re.sub(r"(?m)^# (?=\[?[\w.]+\]?(?: = |\n))", "", before + without_files + after)
+    begin, separation, rest = re.split(r"(?m)^(# \[separation\]\n(?:# .*\n)+)", before)
+    path.write_text(begin + uncommented(separation) + rest)
+    assert load_config(path).separation.order == ("dauam", "dauam-2")
+    text = uncommented(begin + rest + without_files + after)  # its frames come over the broker, which has one body's
     path.write_text(text)
     config = load_config(path)
     assert config.operator is not None
