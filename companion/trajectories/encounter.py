@@ -10,6 +10,8 @@ from companion.trajectories.timed_path import TimedPath
 _SLACKS_S = (0.0, -0.5, 0.5, -1.0, 1.0)
 """Times by which one of the two may be late or early: clocks of two computers, and a reference that waits."""
 _SAMPLES = 800
+_STILL_M = 1e-9
+"""Motion along a straight piece below which it counts as none."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ def _nearest(own: TimedPath, other: TimedPath, cylinder: Cylinder) -> Meeting | 
     first, last = _low(start[:, 2], way[:, 2], cylinder.height_m)
     length_2 = np.sum(way[:, :2] ** 2, axis=1)
     toward = -np.sum(start[:, :2] * way[:, :2], axis=1)
-    share = np.clip(np.divide(toward, length_2, out=np.zeros_like(toward), where=length_2 > 0.0), first, last)
+    share = np.clip(np.divide(toward, length_2, out=np.zeros_like(toward), where=length_2 > _STILL_M**2), first, last)
     distance_m = np.linalg.norm(start[:, :2] + share[:, None] * way[:, :2], axis=1)
     distance_m[first > last] = np.inf
     least = int(np.argmin(distance_m))
@@ -75,7 +77,7 @@ def _low(start_m: Array, way_m: Array, height_m: float) -> tuple[Array, Array]:
 
     The first is above the last where there is none.
     """
-    moving = way_m != 0.0
+    moving = np.abs(way_m) > _STILL_M
     slope_m = np.where(moving, way_m, 1.0)
     one, two = (-height_m - start_m) / slope_m, (height_m - start_m) / slope_m
     always = np.abs(start_m) < height_m
