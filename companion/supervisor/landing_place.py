@@ -22,14 +22,18 @@ def landing_place(
 ) -> Vec3:
     """Return the nearest place at this height whose way down no other vehicle is in; this one if there is none.
 
-    It is `inside_m` inside the fence. One that is not well below is passed on the way down, beside it.
+    It is `inside_m` inside the fence. Only one that is well below makes it look for another place; one that is not is
+    passed on the way down, beside it. A place where it would not be passed is taken only if there is no other.
     """
-    known = [other for other in others if other.known and _is_below(here_w_m, other, cylinder)]
-    if _clear(here_w_m, known, cylinder):
+    known = [other for other in others if other.known]
+    below = [other for other in known if _is_below(here_w_m, other, cylinder)]
+    if _clear(here_w_m, below, cylinder):
         return here_w_m
-    places = [place for place in _around(here_w_m, known, cylinder) if _clear(place, known, cylinder)]
+    beside = [other for other in known if other.position_w_m[2] - here_w_m[2] < cylinder.height_m]
+    places = [place for place in _around(here_w_m, beside, cylinder) if _clear(place, below, cylinder)]
     inside = [place for place in places if fence.beyond_m(np.array(place)) <= -inside_m]
-    return min(inside, key=lambda place: math.dist(place, here_w_m), default=here_w_m)
+    free = [place for place in inside if _clear(place, beside, cylinder)]
+    return min(free or inside, key=lambda place: math.dist(place, here_w_m), default=here_w_m)
 
 
 def _is_below(here: Vec3, other: OtherVehicle, cylinder: Separation) -> bool:

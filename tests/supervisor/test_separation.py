@@ -264,6 +264,20 @@ def test_it_stays_clear_of_all_others_and_of_the_fence() -> None:
     assert all(math.dist(place[:2], one.position_w_m[:2]) >= 1.2 for one in (below, third))
 
 
+def test_it_does_not_go_to_where_another_one_hovers() -> None:
+    """The guard would stop it beside that one, above the one below, until PX4 lands it there."""
+    here, below = (1.0, 2.1, 2.2), other((1.0, 2.0, 0.1), parked=True)
+    straight = landing_place(here, [below], CYLINDER, FENCE, 0.3)
+    assert straight == pytest.approx((1.0, 3.25, 2.2))
+    hovers, high = other((1.0, 3.7, 2.2)), other((1.0, 3.7, 3.85))
+    assert landing_place(here, [below, high], CYLINDER, FENCE, 0.3) == straight
+    place = landing_place(here, [below, hovers], CYLINDER, FENCE, 0.3)
+    assert all(math.dist(place[:2], one.position_w_m[:2]) >= 1.2 for one in (below, hovers))
+    assert math.dist(place, here) < 1.5
+    around = [other((1.0 + 1.25 * math.cos(at), 2.0 + 1.25 * math.sin(at), 2.2)) for at in (0.0, 1.5, 3.0, 4.5)]
+    assert landing_place(here, [below, *around], CYLINDER, FENCE, 0.3) != here, "anything but the way down onto it"
+
+
 def test_where_there_is_no_place_it_lands_where_it_is() -> None:
     narrow = Fence((-1.0, -1.0), (1.0, 1.0, 3.5))
     assert landing_place((0.0, 0.0, 1.5), [other((0.1, 0.0, 0.1))], CYLINDER, narrow, 0.3) == (0.0, 0.0, 1.5)
