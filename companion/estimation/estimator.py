@@ -45,7 +45,11 @@ def step(
         return after
     if after.verdict in _WRONG_STAMPS:
         return replace(after, others=state.others, others_s=state.others_s)
-    tracks = others.step(state.others, frame.others, frame.stamp_s, params)
+    tracks = state.others
+    if after.verdict is Verdict.STARTED and state.verdict in _WRONG_STAMPS:
+        jump_s = (frame.stamp_s - state.stamp_s) - (frame.received_s - state.received_s)
+        tracks = others.on_new_clock(tracks, jump_s)
+    tracks = others.step(tracks, frame.others, frame.stamp_s, params)
     vehicle = after.vehicle
     if vehicle is not None and vehicle is not state.vehicle:
         vehicle = replace(vehicle, others=others.vehicles_of(tracks, frame.stamp_s))

@@ -6,6 +6,7 @@ not believed until ten frames agree on it, so that a reflection, or two bodies w
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 from companion.core.types import OtherBody, OtherVehicle, Vec3
 from companion.core.values import value
@@ -45,6 +46,13 @@ def step(
     """Return the tracks after one frame; they stand in the frame's order."""
     known = {track.body: track for track in tracks}
     return tuple(_step(known.get(one.body) or OtherTrack(body=one.body), one, stamp_s, params) for one in seen)
+
+
+def on_new_clock(tracks: Iterable[OtherTrack], jump_s: float) -> tuple[OtherTrack, ...]:
+    """Return the tracks with their stamps on a clock that has jumped: their ages stay as they are."""
+    return tuple(
+        replace(track, stamp_s=track.stamp_s + jump_s, still_since_s=track.still_since_s + jump_s) for track in tracks
+    )
 
 
 def vehicles_of(tracks: Iterable[OtherTrack], stamp_s: float) -> tuple[OtherVehicle, ...]:

@@ -214,6 +214,19 @@ def test_a_wrong_stamp_moves_no_other() -> None:
     assert (stale.others, stale.others_s) == (state.others, state.others_s)
 
 
+@pytest.mark.parametrize("back_s", [0.5, -0.5])
+def test_on_a_new_clock_one_that_moves_is_followed_and_a_parked_one_stays_parked(back_s: float) -> None:
+    def seen(number: int) -> tuple[OtherBody, ...]:
+        return OtherBody("two", (3.0 - DT_S * number, 0.0, 1.0)), OtherBody("three", (0.0, 3.0, 0.1))
+
+    state = estimated(frame(k, seen(k), back_s=0.0 if k < 150 else back_s) for k in range(175))
+    assert state.vehicle is not None
+    two, three = state.vehicle.others
+    assert two.position_w_m[0] == pytest.approx(3.0 - 1.74, abs=0.03)
+    assert two.velocity_w_mps[0] == pytest.approx(-1.0, abs=0.1)
+    assert three.parked
+
+
 def test_without_others_nothing_is_different() -> None:
     alone, beside = (estimated(frame(k, seen) for k in range(20)) for seen in ((), SEEN))
     assert alone.vehicle is not None
