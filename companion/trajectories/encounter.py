@@ -46,7 +46,7 @@ class Crossing:
 def meeting(own: TimedPath, other: TimedPath, cylinder: Cylinder) -> Meeting | None:
     """Return the nearest point at which `own` is inside the other's cylinder; None where it never is.
 
-    Both may be up to 1 s early or late. Exact for paths that are straight between knots.
+    One of the two may be up to 1 s early or late. Exact for paths that are straight between knots.
     """
     found = [_nearest(own, other.later(slack_s), cylinder) for slack_s in _SLACKS_S]
     return min((one for one in found if one is not None), key=lambda one: one.distance_m, default=None)
