@@ -176,3 +176,22 @@ def test_vehicles_stand_in_the_servers_order_and_a_later_one_takes_no_commands(
         page.locator(".card button").nth(0).click()
         greets(second, third)
         expect(page.locator("#whom-one")).to_have_text(third)
+
+
+def test_a_server_that_begins_again_turns_no_button_to_another_vehicle(browser: Browser, three: FakeServer) -> None:
+    """It finds one vehicle after the other: until it has found the chosen one, a Land must reach no other."""
+    hello = {"type": "hello", "can_command": True, "password": False, "version": "0.1.0", "time_s": 0.0}
+    first, second, third = three.names
+    with opened(browser, three.url, "tablet") as page:
+        page.locator(".card button").nth(1).click()
+        expect(page.locator("#whom-one")).to_have_text(second)
+        three.publishing = False
+        for found in ([], [first], [first, third]):
+            three.send({**hello, "vehicles": found})
+            expect(page.locator(".card")).to_have_count(len({*found, second}))
+            expect(page.locator("#kill-text")).to_contain_text("Kill")
+            press(page, "land")
+            expect(page.locator("output[data-answer=land]")).not_to_be_empty()
+        assert {command["vehicle"] for command in three.commands} == {second}
+        three.send({**hello, "vehicles": list(three.names)})
+        expect(page.locator("#whom-one")).to_have_text(second)

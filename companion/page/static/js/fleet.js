@@ -195,8 +195,11 @@ export class Fleet {
     this.password = hello.password;
     this.version = hello.version;
     const before = this.vehicles;
-    this.vehicles = new Map(hello.vehicles.map((/** @type {string} */ name) => [name, before.get(name) ?? new Vehicle(name)]));
     const begins = !this.chosen && performance.now() - this.firstMs < FIRST_MS;
+    // a server that has just begun has not found all yet: the buttons must not turn to another vehicle meanwhile
+    const kept = begins ? [] : [this.focusName, ...this.selected].filter((name) => before.has(name));
+    const names = new Set([...hello.vehicles, ...kept]);
+    this.vehicles = new Map([...names].map((name) => [name, before.get(name) ?? new Vehicle(name)]));
     if (begins || !this.vehicles.has(this.focusName)) this.look(hello.vehicles[0] ?? "");
     for (const name of this.selected) if (!this.vehicles.has(name)) this.selected.delete(name);
     if (this.selected.size === 0 && this.focusName !== "") this.selected.add(this.focusName);
