@@ -28,6 +28,8 @@ export class Kill {
     this.holder = null;
     this.heldMs = NaN;
     this.nonce = "";
+    /** Time from which the server takes the nonce, ms. */
+    this.fromMs = NaN;
     this.name = "";
     this.listen();
     setInterval(() => this.tick(), TICK_MS);
@@ -87,7 +89,9 @@ export class Kill {
     this.name = this.vehicle();
     const held = this.heldMs;
     this.commands.askKill(this.name, (message) => {
-      if (held === this.heldMs && message.vehicle === this.name) this.nonce = message.nonce;
+      if (held !== this.heldMs || message.vehicle !== this.name) return;
+      this.nonce = message.nonce;
+      this.fromMs = performance.now() + 1000 * message.after_s; // later than the hold's end if the question was slow
     });
   }
 
@@ -95,7 +99,8 @@ export class Kill {
     if (this.holder === null) return;
     if (this.holder === -1) this.move(this.at + TICK_MS / KEY_TRAVEL_MS);
     const heldMs = performance.now() - this.heldMs;
-    if (heldMs >= HOLD_MS && this.name === this.vehicle() && this.nonce !== "") {
+    const answered = this.nonce !== "" && performance.now() >= this.fromMs;
+    if (heldMs >= HOLD_MS && this.name === this.vehicle() && answered) {
       this.commands.send(this.name, "kill", { confirm: "kill", nonce: this.nonce });
       this.release();
     }
