@@ -96,7 +96,8 @@ def _near(
     stands = not now.airborne and now.autopilot.in_air is not True
     cylinder = separation.cylinder.lowered if stands else separation.cylinder
     if cylinder.gap_m(own[0], other) < 0.0:
-        later = separation.yields_to(other) or not now.airborne
+        measured = not other.unseen_s > rules.degraded_s
+        later = (separation.yields_to(other) and measured) or not now.airborne
         return [Event(Fault.SEPARATION_LOST if later else Fault.TRAFFIC, f"{where}: inside its cylinder")]
     if now.stage is not Stage.FLYING or not now.airborne:
         return []

@@ -166,6 +166,12 @@ def test_inside_the_cylinder_the_later_one_lands_and_the_first_one_holds(
     assert watched([replace(beside(0, other(1.21)), stage=stage)], separation=separation) == [()]
 
 
+def test_a_place_that_is_only_guessed_lands_nobody() -> None:
+    """Its body is covered for a moment: where it would have flown on is no reason to land."""
+    assert kinds(LATER, other(1.1, unseen_s=0.05)) == [Fault.SEPARATION_LOST]
+    assert kinds(LATER, other(1.1, unseen_s=0.2)) == [Fault.TRAFFIC]
+
+
 def test_while_it_lands_a_way_that_meets_is_no_news() -> None:
     now = replace(beside(0, other(1.5), velocity=EAST), stage=Stage.LANDING)
     assert watched([now], separation=LATER) == [()]
