@@ -65,7 +65,7 @@ lint: venv
 
 # What keeps the vehicle safe is tested on every line and branch.
 coverage: venv
-	@$(BIN)/python -m coverage run -m pytest -q tests/supervisor tests/guard/test_limits.py tests/guard/test_guard.py tests/guard/test_geofence.py tests/guard/test_separation.py tests/guard/test_guard_separation.py
+	@HYPOTHESIS_PROFILE=few $(BIN)/python -m coverage run -m pytest -q tests/supervisor tests/guard/test_limits.py tests/guard/test_guard.py tests/guard/test_geofence.py tests/guard/test_separation.py tests/guard/test_guard_separation.py
 	@$(BIN)/python -m coverage report
 
 # Changes that code in a thousand ways and sees whether a test notices; an hour. docs/mutation.md has the last result.

@@ -17,6 +17,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from tests import packages
+from tests.conftest import ALONE
 
 _NO_TESTS = 5
 """pytest's exit code where nothing was selected."""
@@ -52,7 +53,7 @@ def _run(folder: Path, only: str, rest: list[str]) -> int:
     began_s = time.monotonic()
     # pytest keeps the modules that it has rewritten, where it may: the processes that follow find them ready.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-    flights = subprocess.Popen(_pytest(_FLIGHTS, only, folder, [*rest, *_under(rest, ["tests/flights"])]))
+    flights = subprocess.Popen(_pytest(_FLIGHTS, only, folder, [*rest, *_under(rest, list(ALONE))]))
     beside: list[_Beside] = []
     try:
         subprocess.run([*_LOWEST_PRIORITY, *_COLLECT, *rest], check=False, stdout=subprocess.DEVNULL)
@@ -72,8 +73,8 @@ def _run(folder: Path, only: str, rest: list[str]) -> int:
 
 
 def _with_links() -> list[str]:
-    """Return the files outside tests/flights with tests in real time, so that no other is imported to look."""
-    files = (path for path in sorted(Path("tests").rglob("test_*.py")) if "flights" not in path.parts)
+    """Return the files outside ALONE with tests in real time, so that no other is imported to look."""
+    files = (path for path in sorted(Path("tests").rglob("test_*.py")) if not path.as_posix().startswith(ALONE))
     return [str(path) for path in files if "realtime" in path.read_text(encoding="utf-8")]
 
 

@@ -20,19 +20,25 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 gc.set_threshold(20_000, 20, 20)
 
 # Examples have no deadline: machines are shared, and a slow moment is no defect.
-# `fixed` draws the same examples on every run, so that a change is judged by what it changed; `make fuzz` draws others.
+# `fixed` draws the same examples on every run, so that a change is judged by what it changed; `make fuzz` draws others;
+# `few` is for `make coverage`, which only asks whether a line was reached.
 hypothesis.settings.register_profile("fixed", deadline=None, derandomize=True, database=None)
+hypothesis.settings.register_profile("few", deadline=None, derandomize=True, database=None, max_examples=10)
 hypothesis.settings.register_profile("fuzz", deadline=None, print_blob=True, max_examples=1000)
 hypothesis.settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "fixed"))
 
 
+ALONE = ("tests/flights", "tests/page", "tests/benchmarks")
+"""Folders whose tests in real time are run one after the other."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what is under tests/flights, so that `make test` can run it beside the other real-time tests.
+    """Mark what needs the computer for itself, flights and the page's browser, so that `make test` runs it in turn.
 
     Processes side by side begin with what computes for long, so that they end at the same time.
     """
     for item in items:
-        if "flights" in item.path.parts:
+        if any(alone in item.path.as_posix() for alone in ALONE):
             item.add_marker("flight")
     if "PYTEST_XDIST_WORKER" in os.environ:
         items.sort(key=lambda item: item.get_closest_marker("slow") is None)

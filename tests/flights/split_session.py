@@ -17,7 +17,7 @@ async def preflight_has_lines_for_the_link(site: Site) -> None:
     ran = await site.command("preflight", "--json")
     assert ran.code == 0, ran.said
     replies = [json.loads(line) for line in ran.out.splitlines()]
-    [checks] = [reply["data"]["checks"] for reply in replies if reply["type"] == "reply" and reply["data"]]
+    [checks] = [reply["data"]["checks"] for reply in replies if reply["type"] == "reply" and reply["answer"] == "done"]
     of_link = {check["name"]: check["passed"] for check in checks}
     assert of_link["ground law"], checks
     assert of_link["commands' age"], checks
@@ -27,6 +27,6 @@ async def params_name_the_place_of_the_law(site: Site) -> None:
     ran = await site.command("params", "--json")
     assert ran.code == 0, ran.said
     replies = [json.loads(line) for line in ran.out.splitlines()]
-    [data] = [reply["data"] for reply in replies if reply["type"] == "reply" and reply["data"]]
+    [data] = [reply["data"] for reply in replies if reply["type"] == "reply" and reply["answer"] == "done"]
     assert data["controller"]["name"] == "etnn on the ground"
     assert data["config"]["law"]["runs_on"] == "ground"

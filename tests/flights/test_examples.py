@@ -67,7 +67,7 @@ async def test_the_examples_fly_and_a_script_that_raises_lands(tmp_path: Path, m
     site = Site.embedded(tmp_path)
     plan = own_folders(plan_room(load_config(site.config(arms=False)), 2, site.records, free=True))
     line = tmp_path / "line.csv"
-    line.write_text("t_s,x_m,y_m,z_m\n0,0,2.4,0.4\n0.6,0.1,2.4,0.4\n1.2,0.2,2.4,0.4\n2.4,0,2.4,0.4\n", encoding="utf-8")
+    line.write_text("t_s,x_m,y_m,z_m\n0,0,3.4,0.4\n0.6,0.1,3.4,0.4\n1.2,0.2,3.4,0.4\n2.4,0,3.4,0.4\n", encoding="utf-8")
     laws = ("examples.compare_laws", str(site.records / "dauam-2"), str(line))
     async with room(plan, tmp_path) as (one, other):
         two_vehicles(*await one.runs("examples.two_vehicles", "dauam-1", "dauam-2"))
@@ -98,7 +98,7 @@ def own_folders(plan: RoomPlan) -> RoomPlan:
 
 @asynccontextmanager
 async def room(plan: RoomPlan, folder: Path) -> AsyncIterator[list[Reader]]:
-    """Two vehicles 2.4 m apart with their services; yield a reader of each."""
+    """Two vehicles 3.4 m apart with their services; yield a reader of each."""
     there = BrokerProcess()
     there.port = plan.broker.port
     there.start()
@@ -106,7 +106,7 @@ async def room(plan: RoomPlan, folder: Path) -> AsyncIterator[list[Reader]]:
         stack.callback(there.stop)
         mocks = await stack.enter_async_context(mock_process(mock_config(folder), 1, plan.ports))
         assert mocks.stdin is not None
-        mocks.stdin.write(b"carry vehicle 1: 0 0 0\ncarry vehicle 2: 0 -2.4 0\n")
+        mocks.stdin.write(b"carry vehicle 1: 0 0 0\ncarry vehicle 2: 0 -3.4 0\n")
         services = [
             await stack.enter_async_context(serving(path, path.with_suffix(".log"))) for path in plan.write(folder)
         ]
@@ -122,7 +122,7 @@ def two_vehicles(code: int, out: str, errors: str) -> None:
     assert out.count("the path is flown, it hovers at its end") == 2
     assert out.count("down and disarmed") == 2
     (least_m,) = re.findall(r"dauam-1 and dauam-2 were never nearer than (\S+) m", out)
-    assert 2.0 < float(least_m) < 2.5
+    assert 3.0 < float(least_m) < 3.5
 
 
 def hello_flight(code: int, out: str, errors: str) -> None:

@@ -11,7 +11,7 @@ from tests.packages import needs
 from tests.page.browser import SIZES, Scheme, opened
 from tests.page.fake_server import PASSWORD, STATIC, FakeServer
 
-pytestmark = needs("chromium")
+pytestmark = [pytest.mark.realtime, needs("chromium")]
 
 MOST_BYTES = 150_000
 SCHEMES: tuple[Scheme, ...] = ("light", "dark")

@@ -9,13 +9,12 @@ from tests.packages import needs
 from tests.page.browser import opened
 from tests.page.fake_server import FakeServer
 
-pytestmark = needs("chromium")
+pytestmark = [pytest.mark.realtime, needs("chromium")]
 
 FAULT_MS, STALE_MS = 300.0, 1000.0
 EVIL = '<img src=x onerror="window.evil=1"><script>window.evil=1</script>'
 
 
-@pytest.mark.realtime
 def test_a_fault_is_shown_with_reason_and_reaction_within_300_ms(browser: Browser, three: FakeServer) -> None:
     delays_ms = []
     for size in ("phone", "tablet", "desktop"):
@@ -73,7 +72,6 @@ def test_a_page_opened_later_shows_the_fault_with_its_reason(browser: Browser, o
         expect(page.locator("#log")).to_contain_text("battery low")
 
 
-@pytest.mark.realtime
 def test_a_silent_server_makes_the_page_stale_within_a_second(browser: Browser, one: FakeServer) -> None:
     with opened(browser, one.url) as page:
         expect(page.locator("#phase")).to_have_text("standby")
@@ -87,7 +85,6 @@ def test_a_silent_server_makes_the_page_stale_within_a_second(browser: Browser, 
         expect(page.locator("#stale")).to_be_hidden()
 
 
-@pytest.mark.realtime
 def test_a_vehicle_without_states_is_stale_while_the_server_beats(browser: Browser, three: FakeServer) -> None:
     with opened(browser, three.url) as page:
         expect(page.locator(".card .word")).to_have_text(["standby"] * 3)

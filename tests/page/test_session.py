@@ -9,7 +9,7 @@ from tests.packages import needs
 from tests.page.browser import SIZES, opened
 from tests.page.fake_server import FakeServer
 
-pytestmark = needs("chromium")
+pytestmark = [pytest.mark.realtime, needs("chromium")]
 
 
 def press(page: Page, verb: str) -> None:
