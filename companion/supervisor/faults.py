@@ -264,9 +264,9 @@ TABLE: tuple[Row, ...] = (
         why="the first one waits, or cannot pass: the later one gives the way free, so that no two wait for each other",
         flying=_LAND, landing=_WARN, ground=_WARN, needs=_PLACE),
     Row(fault=Fault.SEPARATION_LOST,
-        sign="inside the cylinder of one that goes first, or of one that is parked; in the air it is traffic for the one "
-        "that goes first, and where the other was not seen for {degraded_s} s, so that its place is a guess; before "
-        "lift-off: one in flight comes within {yield_margin_m} m of it in {yield_ahead_s} s",
+        sign="inside the cylinder of one that goes first, or of one that is parked; in the air it is traffic for the "
+        "one that goes first, and where the other was not seen for {degraded_s} s, so that its place is a guess; "
+        "before lift-off: one in flight comes within {yield_margin_m} m of it in {yield_ahead_s} s",
         why="one of the two must leave the air, and the first one holds still for it; on the ground the rotors stop: "
         "another one may have flown over the place, which it may not once this one flies",
         flying=_LAND, landing=_WARN, ground=_DISARM, needs=_PLACE),

@@ -24,7 +24,7 @@ def flying(browser: Browser, one: FakeServer) -> Iterator[Page]:
     with opened(browser, one.url, "phone", by_hand=True) as page:
         for _ in range(_MOST_TURNS):
             wait(page, 200)
-            if page.locator("#phase").inner_text() == "hold":
+            if page.locator("#phase").text_content() == "hold":
                 break
         expect(page.locator("#phase")).to_have_text("hold")
         yield page
