@@ -79,8 +79,12 @@ async def test_two_vehicles_together_without_asyncio(shared_broker: BrokerProces
     def script(one: Flown, two: Flown) -> None:
         with sync.connect_all(one.name, two.name, broker=one.broker) as (left, right):
             assert sync.together(left.arm, right.arm) == ["arm is done", "arm is done"]
-            threading.Timer(0.3, right.hold).start()
-            sync.together(left.takeoff, lambda: right.goto((0.0, 0.0, 1.0)))
+            holding = threading.Timer(0.3, right.hold)
+            holding.start()
+            try:
+                sync.together(left.takeoff, lambda: right.goto((0.0, 0.0, 1.0)))
+            finally:
+                holding.join()  # its answer may come after that of what it has ended
 
     async with flying(shared_broker, Flight()) as one, flying(shared_broker, Flight()) as two:
         with pytest.raises(FailedError, match="goto failed: ended by another command") as error:
