@@ -118,8 +118,11 @@ class Separation:
     def gap_between_m(self, position_w_m: Vec3, other_w_m: Vec3, parked: bool) -> float:
         """Return the distance between a position and the cylinder around another (m); negative inside."""
         (x, y, z), (ox, oy, oz) = position_w_m, other_w_m
-        height_m = self.parked_height_m if parked else self.height_m
-        return max(math.hypot(ox - x, oy - y) - self.radius_m, abs(oz - z) - height_m)
+        return max(math.hypot(ox - x, oy - y) - self.radius_m, abs(oz - z) - self.height_over_m(parked))
+
+    def height_over_m(self, parked: bool) -> float:
+        """Return the cylinder's height (m) for another one that is parked, or flies."""
+        return self.parked_height_m if parked else self.height_m
 
     def walls(
         self, position_w_m: Vec3, velocity_w_mps: Vec3, acting_w_mps2: Vec3, others: Iterable[OtherVehicle]
@@ -140,9 +143,6 @@ class Separation:
             return 0.0
         return speed_mps * self.reaction_s + speed_mps * speed_mps / (2.0 * self.braking_mps2)
 
-    def _height_m(self, other: OtherVehicle) -> float:
-        return self.parked_height_m if other.parked else self.height_m
-
     def _wall(
         self, position: Vec3, velocity: Vec3, acting: Vec3, other: OtherVehicle
     ) -> Wall | tuple[float, float] | None:
@@ -152,7 +152,7 @@ class Separation:
         if not math.isfinite(dx + dy + dz + ux + uy + uz):
             return None
         apart_m, up = math.hypot(dx, dy), math.copysign(1.0, dz)
-        above_m, climb, sinks_m = abs(dz) - self._height_m(other), vz * up, self.stop_m(-uz * up)
+        above_m, climb, sinks_m = abs(dz) - self.height_over_m(other.parked), vz * up, self.stop_m(-uz * up)
         if apart_m < _ON_AXIS_M:
             return self._floor(above_m, sinks_m, climb, acting[2] * up, up)
         nx, ny = dx / apart_m, dy / apart_m

@@ -50,7 +50,10 @@ class PageSocket:
         """Why the page is given up; 0 while it is not, or when it is gone."""
 
     async def run(self, can_command: Callable[[], bool]) -> None:
-        """Send and read until the page is gone or given up; its commands go on. `can_command`: logged in still."""
+        """Send and read until the page is gone or given up; what it has commanded goes on, unheard, once it was sent.
+
+        `can_command`: logged in still.
+        """
         try:
             with suppress(WebSocketDisconnect):
                 await first_of(self._send(), self._read(can_command))

@@ -37,8 +37,7 @@ def landing_place(
 
 
 def _is_below(here: Vec3, other: OtherVehicle, cylinder: Separation) -> bool:
-    height_m = cylinder.parked_height_m if other.parked else cylinder.height_m
-    return here[2] - other.position_w_m[2] > _BELOW * height_m
+    return here[2] - other.position_w_m[2] > _BELOW * cylinder.height_over_m(other.parked)
 
 
 def _clear(place: Vec3, others: Sequence[OtherVehicle], cylinder: Separation) -> bool:

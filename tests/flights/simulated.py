@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from companion.adapters.mocap.newest_frame import RESTART_S
+from companion.adapters.system.background import first_of
 from companion.config.arms_config import ArmsConfig
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import load_controller
@@ -265,18 +266,6 @@ def law_of(controller: str | Controller, config: CompanionConfig) -> Controller:
     return load_controller(controller, config.vehicle_model(), 0.01).law if isinstance(controller, str) else controller
 
 
-async def first_of(ways_to_end: set[asyncio.Future[None]]) -> None:
-    """Wait for the first of these, raise what it raised, and cancel the others."""
-    try:
-        ended, _ = await asyncio.wait(ways_to_end, return_when=asyncio.FIRST_COMPLETED)
-        for way in ended:
-            way.result()
-    finally:
-        for way in ways_to_end:
-            way.cancel()
-        await asyncio.gather(*ways_to_end, return_exceptions=True)
-
-
 async def fly(
     script: list[Step],
     *,
@@ -336,5 +325,5 @@ async def fly(
     flight = Flight(room, autopilot, loop, servos, split)
     running = asyncio.create_task(loop.run(), name="flight")
     clock = asyncio.create_task(_time_goes_on(room, loop, longest_s), name="clock")
-    await first_of({running, told.ended, clock})
+    await first_of(running, told.ended, clock)
     return flight

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from companion.adapters.system.background import first_of
 from companion.config.companion_config import CompanionConfig
 from companion.config.separation_config import SeparationConfig
 from companion.control.controller import Controller
@@ -24,7 +25,7 @@ from mock_autopilot.mavlink.streams import TICK_S
 from mock_autopilot.physics.truth import Truth
 from mock_autopilot.qtm.camera import Camera
 from mock_autopilot.world import STEP_S
-from tests.flights.simulated import BRISK, HEAVY, PX4_PARAMS, Flight, Script, Step, VehicleInRoom, first_of, law_of
+from tests.flights.simulated import BRISK, HEAVY, PX4_PARAMS, Flight, Script, Step, VehicleInRoom, law_of
 from tests.flights.simulated_autopilot import SimulatedAutopilot
 from tests.flights.simulated_qtm import SimulatedQtm
 from tests.mock_autopilot.bench import Bench
@@ -217,12 +218,8 @@ async def fly_fleet(
     running = [asyncio.create_task(flight.loop.run(), name="flight") for flight in fleet.flights]
     clock = asyncio.create_task(lockstep.drive(), name="clock")
     scripted = asyncio.gather(*(script.ended for script in told))
-    await first_of({*running, asyncio.ensure_future(_all(scripted)), clock})
+    await first_of(*running, scripted, clock)
     return fleet
-
-
-async def _all(scripted: "asyncio.Future[list[None]]") -> None:
-    await scripted
 
 
 def _assembled(

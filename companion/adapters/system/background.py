@@ -17,9 +17,14 @@ async def background(work: Coroutine[Any, Any, None], name: str) -> AsyncIterato
         await asyncio.gather(task, return_exceptions=True)
 
 
-async def first_of(*works: Coroutine[Any, Any, object]) -> None:
-    """Run all until the first ends, and cancel the others; raise its error."""
-    tasks = [asyncio.create_task(work, name=f"companion.{getattr(work, '__name__', 'work')}") for work in works]
+async def first_of(*works: Coroutine[Any, Any, object] | asyncio.Future[Any]) -> None:
+    """Run all, of which some may run already, until the first ends, and cancel the others; raise its error."""
+    tasks = [
+        work
+        if isinstance(work, asyncio.Future)
+        else asyncio.create_task(work, name=f"companion.{getattr(work, '__name__', 'work')}")
+        for work in works
+    ]
     try:
         done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         for task in done:

@@ -122,6 +122,11 @@ def free_tcp_port() -> int:
         return int(end.getsockname()[1])
 
 
+def usual_tcp_port(port: int, free: bool) -> int:
+    """Return this TCP port; another one that is free where it is taken, or where `free` asks for one."""
+    return free_tcp_port() if free or not is_free_tcp_port(port) else port
+
+
 @asynccontextmanager
 async def mock_process(
     config: Path,

@@ -11,7 +11,7 @@ from queue import Empty, SimpleQueue
 
 from rich.console import Console
 
-from companion.cli.demo.mock_process import free_tcp_port, is_free_tcp_port
+from companion.cli.demo.mock_process import is_free_tcp_port, usual_tcp_port
 from companion.config.companion_config import CompanionConfig
 from companion.config.operator_config import OperatorConfig, PageConfig
 from companion.core.errors import ConfigError
@@ -35,7 +35,7 @@ def with_broker(config: CompanionConfig, free_ports: bool) -> CompanionConfig:
     """Return the configuration with a broker: its own, or an embedded one on MQTT's usual port if that is free."""
     if config.operator is not None:
         return config
-    port = free_tcp_port() if free_ports or not is_free_tcp_port(_BROKER_PORT) else _BROKER_PORT
+    port = usual_tcp_port(_BROKER_PORT, free_ports)
     return config.model_copy(update={"operator": OperatorConfig(embedded=True, port=port)})
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from companion.cli.demo.fleet.toml_text import toml_of
-from companion.cli.demo.mock_process import MockPorts
+from companion.cli.demo.mock_process import MockPorts, usual_tcp_port
 from companion.config.companion_config import CompanionConfig
 from companion.config.operator_config import OperatorConfig
 from companion.config.separation_config import SeparationConfig
@@ -58,8 +58,8 @@ class RoomPlan:
 def plan_room(settings: CompanionConfig, vehicles: int, records: Path, free: bool) -> RoomPlan:
     """Return the plan of a room whose vehicles are like the one of `settings`; ConfigError where ports are taken."""
     client, autopilot = _udp(vehicles, free)
-    qualisys = _tcp_or_free(0 if free else _QUALISYS)
-    broker = OperatorConfig(port=_tcp_or_free(0 if free else _BROKER), vehicle=f"{settings.mocap.body}-1")
+    qualisys = usual_tcp_port(_QUALISYS, free)
+    broker = OperatorConfig(port=usual_tcp_port(_BROKER, free), vehicle=f"{settings.mocap.body}-1")
     link = f"{settings.arms.port}{f'-{client}' if free else ''}" if settings.arms else None
     names = tuple(f"{settings.mocap.body}-{number}" for number in range(1, vehicles + 1))
     separation = settings.separation.model_copy(update={"order": names})
@@ -102,14 +102,3 @@ def _all_free(ports: range) -> bool:
         except OSError:
             return False
     return True
-
-
-def _tcp_or_free(port: int) -> int:
-    """Return this TCP port, or a free one where it is taken or 0."""
-    with socket.socket() as end:
-        end.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            end.bind(("127.0.0.1", port))
-        except OSError:
-            return _tcp_or_free(0)
-        return int(end.getsockname()[1])
