@@ -6,10 +6,10 @@ from typing import Any, Self
 
 from pydantic import Field, model_validator
 
-from companion.config.law_files import LAW_FORM, is_law_file, law_path, own_law
+from companion.config.law_files import LAW_FORM, is_law_file, law_path, law_source, own_law
 from companion.config.locations import default_config_path, named_file, names_in
 from companion.config.text_files import read_text
-from companion.config.toml_files import Section, read_toml, validate
+from companion.config.toml_files import Section, tables_of, validate
 from companion.control.controller import Controller, VehicleModel
 from companion.control.delay_predictor import Predictor
 from companion.control.etnn import Etnn
@@ -95,6 +95,23 @@ class LoadedController:
     """It was asked to be loaded although it may be unstable on its vehicle."""
 
 
+@dataclass(frozen=True)
+class ControllerFiles:
+    """Contents of a controller's files: all that loading it needs, also on a computer that does not have them."""
+
+    name: str
+    """Name or file as the user gave it."""
+    path: Path
+    text: str
+    law_source: bytes | None
+    """Python file of a user's own law; None for a built-in law, or when there is no such file."""
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        """Tables of the TOML; ConfigError when it is none."""
+        return tables_of(self.text, self.path)
+
+
 def controller_path(name: str) -> Path:
     """Return a controller's file: practical.toml for `etnn`, a name in config/controllers/, or a path; ConfigError."""
     path = named_file("controllers", "practical" if name == "etnn" else name)
@@ -111,16 +128,24 @@ def controller_text(name: str) -> str:
     return read_text(controller_path(name))
 
 
+def read_controller(given: str | ControllerFiles) -> ControllerFiles:
+    """Read a controller's files, unless they are given; ConfigError as `controller_text`, or when it is not TOML."""
+    if isinstance(given, ControllerFiles):
+        return given
+    path, text = controller_path(given), controller_text(given)
+    return ControllerFiles(given, path, text, law_source(tables_of(text, path).get("law"), path))
+
+
 def load_controller(
-    name: str, vehicle: VehicleModel, period_s: float, allow_unstable: bool = False
+    given: str | ControllerFiles, vehicle: VehicleModel, period_s: float, allow_unstable: bool = False
 ) -> LoadedController:
-    """Load the law of a controller file, for this vehicle and control period (s).
+    """Load the law of a controller, by its name or from its files, for this vehicle and control period (s).
 
     Raises ConfigError for an unknown name, a bad file, a user's law that cannot work, or an unstable filter loop
     unless `allow_unstable` or the file itself allows that.
     """
-    path = controller_path(name)
-    data = read_toml(path)
+    files = read_controller(given)
+    name, path, data = files.name, files.path, files.tables
     law = data.get("law")
     if law == "etnn":
         file = validate(EtnnFile, data, path)
@@ -135,17 +160,18 @@ def load_controller(
         return LoadedController(name, Pid(pid.gains), pid.error_limits, text, unstable_allowed=allowed)
     if is_law_file(law):
         own = validate(OwnLawFile, data, path)
-        law_of_file, python = own_law(own.law, own.gains, path, vehicle, period_s), law_path(own.law, path)
-        return LoadedController(name, law_of_file, own.error_limits, own.description, python, allow_unstable)
+        flies = own_law(own.law, own.gains, path, files.law_source, vehicle, period_s)
+        python = law_path(own.law, path)
+        return LoadedController(name, flies, own.error_limits, own.description, python, allow_unstable)
     if law is None:
         raise ConfigError(f"{path}: has no law: a controller file says law = 'etnn', 'pid', or {LAW_FORM}")
     raise ConfigError(f"{path}: law = {law!r}: must be 'etnn', 'pid', or {LAW_FORM}")
 
 
-def read_etnn(name: str) -> EtnnFile:
+def read_etnn(given: str | ControllerFiles) -> EtnnFile:
     """Read the file of an ET-NN law, stable or not; ConfigError for a bad file or another law."""
-    path = controller_path(name)
-    data = read_toml(path)
+    files = read_controller(given)
+    path, data = files.path, files.tables
     if data.get("law") != "etnn":
         raise ConfigError(f"{path}: law = {data.get('law')!r}: must be 'etnn' here")
     return validate(EtnnFile, data, path)

@@ -4,6 +4,7 @@ import importlib.machinery
 import importlib.util
 import inspect
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from types import CodeType, ModuleType
@@ -15,6 +16,8 @@ from companion.control.gains import Gains
 from companion.control.law_check import LawFile, check_law, raised
 from companion.core.interfaces import ConfigError
 
+_IMPORTING = threading.Lock()
+"""Held while a law is imported: threads of one process may import the same file, under the same name."""
 LAW_FORM = "'my_law.py:MyLaw', a Python file beside this one and the class or function in it"
 
 
@@ -28,9 +31,22 @@ def law_path(law: str, toml: Path) -> Path:
     return toml.parent / law.rpartition(":")[0]
 
 
-def own_law(law: str, gains: dict[str, Any], toml: Path, vehicle: VehicleModel, period_s: float) -> Controller:
+def law_source(law: object, toml: Path) -> bytes | None:
+    """Return the Python source that a controller file's `law` names; None without such a file. Raises ConfigError."""
+    if not is_law_file(law) or not (path := law_path(str(law), toml)).is_file():
+        return None
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def own_law(
+    law: str, gains: dict[str, Any], toml: Path, source: bytes | None, vehicle: VehicleModel, period_s: float
+) -> Controller:
     """Return the law that `law` ("my_law.py:MyLaw") names, as MyLaw(gains, vehicle, period_s).
 
+    `source` is what `law_source` read, perhaps on another computer: the file is not read again.
     `gains` is that file's table; if MyLaw's first parameter is annotated with a subclass of `Gains`, it is checked and
     handed over as such, otherwise as the dict it is. Raises ConfigError, one sentence a mistake, for whatever is wrong.
     """
@@ -38,9 +54,10 @@ def own_law(law: str, gains: dict[str, Any], toml: Path, vehicle: VehicleModel, 
     if path.suffix != ".py" or not name.isidentifier():
         raise ConfigError(f"{toml}: law = {law!r}: must be {LAW_FORM}")
     file = LawFile(path, name)
-    if not file.path.is_file():
+    if source is None:
         raise ConfigError(f"{toml}: law = {law!r}: there is no file {file.path}")
-    module = _imported(file.path)
+    with _IMPORTING:
+        module = _imported(file.path, source)
     make = _made_by(module, file)
     model = _gains_model(make, module, file)
     values = gains if model is None else validate(model, gains, toml, under="gains")
@@ -48,18 +65,22 @@ def own_law(law: str, gains: dict[str, Any], toml: Path, vehicle: VehicleModel, 
 
 
 class _Fresh(importlib.machinery.SourceFileLoader):
-    """Compiles the file as it is now: a cache cannot tell two edits within a second apart, and would litter."""
+    """Compiles the source it is given: a cache cannot tell two edits within a second apart, and would litter."""
+
+    def __init__(self, name: str, path: Path, source: bytes) -> None:
+        super().__init__(name, str(path))
+        self._source = source
 
     def get_code(self, fullname: str) -> CodeType | None:
-        """Compile the file; never from a cache."""
+        """Compile the source; never from a cache."""
         del fullname
-        return self.source_to_code(self.get_data(self.path), self.path)
+        return self.source_to_code(self._source, self.path)
 
 
-def _imported(path: Path) -> ModuleType:
-    """Import the file as a module under a name that no other module has."""
+def _imported(path: Path, source: bytes) -> ModuleType:
+    """Import the file's source as a module under a name that no other module has."""
     name = f"{path.stem}@{path.resolve()}"
-    loader = _Fresh(name, str(path))
+    loader = _Fresh(name, path, source)
     module = importlib.util.module_from_spec(importlib.machinery.ModuleSpec(name, loader, origin=str(path)))
     sys.modules[name] = module  # dataclasses look there for the types of their fields
     try:

@@ -24,7 +24,11 @@ class Section(BaseModel):
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Read a file's tables; ConfigError with one sentence when it is missing or not TOML."""
-    text = read_text(path)
+    return tables_of(read_text(path), path)
+
+
+def tables_of(text: str, path: Path) -> dict[str, Any]:
+    """Return the tables of the text of the file at `path`; ConfigError with one sentence when it is not TOML."""
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -2,7 +2,14 @@
 
 from enum import StrEnum
 
-from companion.config.controller_config import EtnnFile, LoadedController, etnn_law, read_etnn
+from companion.config.controller_config import (
+    ControllerFiles,
+    EtnnFile,
+    LoadedController,
+    etnn_law,
+    read_controller,
+    read_etnn,
+)
 from companion.control.controller import VehicleModel
 from companion.control.gains import EtnnGains
 
@@ -45,11 +52,14 @@ def ablated(file: EtnnFile, ablation: Ablation) -> EtnnFile:
     return file.model_copy(update={"gains": gains, "prediction": prediction})
 
 
-def load_ablated(name: str, vehicle: VehicleModel, period_s: float, ablation: Ablation) -> LoadedController:
-    """The controller `name` without that part, stable or not: what comes of it is what the experiment asks.
+def load_ablated(
+    given: str | ControllerFiles, vehicle: VehicleModel, period_s: float, ablation: Ablation
+) -> LoadedController:
+    """The controller without that part, stable or not: what comes of it is what the experiment asks.
 
     Raises ConfigError for an unknown name, a bad file, or one whose law is not ET-NN.
     """
-    file = ablated(read_etnn(name), ablation)
+    files = read_controller(given)
+    file = ablated(read_etnn(files), ablation)
     law = etnn_law(file, vehicle, period_s)
-    return LoadedController(f"{name} without {ablation}", law, file.error_limits, file.description)
+    return LoadedController(f"{files.name} without {ablation}", law, file.error_limits, file.description)
