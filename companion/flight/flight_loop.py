@@ -257,7 +257,7 @@ class FlightLoop:
     def _facts(self, now_s: float) -> FlightInputs:
         thrust = float(self._stream.law_sent.thrust) if self._stream.on else math.nan
         facts = facts_of(now_s, self.estimate.vehicle, self._autopilot.status(), self.arms, self._events, thrust)
-        return replace(facts, pushed=True) if self._law.pushed else facts
+        return replace(facts, pushed=True, pushed_now=self._law.pushed_now) if self._law.pushed else facts
 
     def _tell(self, tick: Tick) -> None:
         """Whoever looks on cannot stop a flight: one that raises is not told any more."""

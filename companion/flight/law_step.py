@@ -42,6 +42,8 @@ class LawStep:
         self._pushed_s = -math.inf
         self.pushed = False
         """The guard has kept a setpoint away from another vehicle a moment ago: it may still move away."""
+        self.pushed_now = False
+        """It has done so in the last cycle."""
 
     def trust(self) -> None:
         """A flight begins."""
@@ -65,7 +67,8 @@ class LawStep:
         self._not_finite = self._not_finite + 1 if bad else 0
         if self._not_finite > self._not_finite_limit:
             self.fault = f"the control law gave no finite command for {self._not_finite_limit} cycles"
-        if output is not None and output.limited.separation_cut:
+        self.pushed_now = output is not None and bool(output.limited.separation_cut)
+        if self.pushed_now:
             self._pushed_s = now_s
         self.pushed = now_s - self._pushed_s <= _PUSHED_S
         self.at_max_thrust = output is not None and float(output.limited.setpoint.thrust) >= self._max_thrust

@@ -153,7 +153,9 @@ class FlightInputs:
     others: tuple[OtherVehicle, ...] = ()
     """The other vehicles of the room."""
     pushed: bool = False
-    """The guard has just kept a setpoint away from another vehicle, see LawStep.pushed."""
+    """The guard has kept a setpoint away from another vehicle a moment ago, see LawStep.pushed."""
+    pushed_now: bool = False
+    """It has done so with the last setpoint."""
     thrust: float = math.nan
     """Thrust of the last setpoint sent, 0..1; NaN when unknown."""
 

@@ -18,7 +18,9 @@ _STOPPING = 1.5
 _PUSHED_M = 0.3
 """Distance from the reference at which it follows; below the tracking error that is a fault."""
 _AHEAD_M = 0.4
-"""Distance by which it is then ahead at most; below that error, too."""
+"""Distance by which it is then ahead sideways at most; below that error, too."""
+_HEIGHT_M = 0.2
+"""Difference of its height that is left then: a push sideways tilts and lifts the vehicle, and the law returns it."""
 _BACK_S = 0.01
 _LEAST_STOP_S = 0.8
 """The vehicle must tilt first: a shorter stop would jerk, a longer one would exceed the fence's stopping distance."""
@@ -177,7 +179,8 @@ def _aside(now: Reference, turning_radps: float, inputs: FlightInputs, rules: Fl
 def follow_push(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> FlightState:
     """Hold or descend from where the vehicle is, if the guard has pushed it away from its reference for another one.
 
-    It would return to where the other comes, and the distance would be taken for a loss of control.
+    It would return to where the other comes, and the distance would be taken for a loss of control. The height follows
+    only where the guard pushes now, and never leads: else each push would lift the reference, and that the vehicle.
     """
     rests = flight.phase is Phase.HOLD and len(flight.legs) == 1
     if not inputs.pushed or not flight.airborne or not (rests or flight.phase is Phase.LAND):
@@ -187,20 +190,32 @@ def follow_push(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -
     leaves = float(off @ inputs.velocity_w_mps) >= 0.0
     if not leaves or not float(np.linalg.norm(off)) > _PUSHED_M:
         return flight
-    here = _near_rest(inputs, rules, reference.yaw_rad)
+    here = _near_rest(flight, inputs, rules, reference)
     if flight.phase is Phase.LAND:
         due_s = flight.landing_due_s  # as it was: a landing that is pushed about for ever is overdue
         return replace(_descend_from(flight, inputs, rules, here), since_s=flight.since_s, landing_due_s=due_s)
     return replace(flight, legs=(Leg(Phase.HOLD, Hold(here.position_w_m, here.yaw_rad)),), leg_start_s=inputs.time_s)
 
 
-def _near_rest(inputs: FlightInputs, rules: FlightRules, yaw_rad: float) -> Reference:
-    """Return a reference at rest that is as far ahead of a moving vehicle as it needs to stop, and at most _AHEAD_M."""
-    moving = Reference(inputs.position_w_m, inputs.velocity_w_mps, np.zeros(3), yaw_rad)
-    _, end = resting_place(moving, rules.braking_mps2)
-    way = end - inputs.position_w_m
+def _near_rest(flight: FlightState, inputs: FlightInputs, rules: FlightRules, before: Reference) -> Reference:
+    """Return a reference as far ahead of a moving vehicle sideways as it needs to stop, and at most _AHEAD_M."""
+    z_m, rate_mps = _followed_height(flight, inputs, before)
+    sideways = np.array([*inputs.velocity_w_mps[:2], 0.0])
+    level = np.array([*inputs.position_w_m[:2], z_m])
+    _, end = resting_place(Reference(level, sideways, np.zeros(3), before.yaw_rad), rules.braking_mps2)
+    way = end - level
     share = min(1.0, _AHEAD_M / max(float(np.linalg.norm(way)), 1e-6))
-    return Reference(inputs.position_w_m + share * way, np.zeros(3), np.zeros(3), yaw_rad)
+    return Reference(level + share * way, np.array([0.0, 0.0, rate_mps]), np.zeros(3), before.yaw_rad)
+
+
+def _followed_height(flight: FlightState, inputs: FlightInputs, before: Reference) -> tuple[float, float]:
+    """Return height (m) and rate (m/s) of the reference of a pushed vehicle; a landing's is never above the vehicle."""
+    own_m, before_m, rate_mps = (float(v[2]) for v in (inputs.position_w_m, before.position_w_m, before.velocity_w_mps))
+    lands = flight.phase is Phase.LAND
+    z_m = max(before_m, own_m - _HEIGHT_M) if inputs.pushed_now else before_m
+    if lands or inputs.pushed_now:
+        z_m = min(z_m, own_m if lands else own_m + _HEIGHT_M)
+    return z_m, min(rate_mps, 0.0) if lands and z_m <= before_m else 0.0
 
 
 def ground_z_m(flight: FlightState) -> float:

@@ -2,8 +2,8 @@
 
 import asyncio
 import math
+import pathlib
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,12 +18,16 @@ from companion.analysis.report.separation import separation_table
 from companion.analysis.report.story import story_of
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import controller_path
+from companion.config.separation_config import SeparationConfig
 from companion.core.types import Array
 from companion.records.read import FlightRecord, read_flight
 from companion.supervisor.faults import FailsafeAction, Fault
 from companion.supervisor.flight_state import LandRequest, Phase, TrackRequest
+from companion.supervisor.state_machine import reference_at
 from companion.trajectories.reference import Hold
-from tests.flights.simulated import BRISK, Flight, Step
+from tests.flights.faults.rows import RULES
+from tests.flights.faults.table_traffic import OTHER, Path, another
+from tests.flights.simulated import BRISK, Flight, Step, fly
 from tests.flights.simulated_fleet import FleetFlight, fleet_config, fly_fleet
 from tests.flights.test_simulated_flights import QUICK_UP, ask, until, wait
 from tests.records.test_round_trip import written
@@ -133,6 +137,36 @@ def test_beside_one_whose_service_stops_the_other_backs_away() -> None:
     assert gaps_m(fleet).min() > -0.1
 
 
+INTRUDER_M = 1.07
+"""Height at which another body flies under a vehicle that lands from twice that, by a rule of its own."""
+
+
+def flies_under(flight: Flight) -> Path:
+    x, y, _ = flight.room.truth_w_m.tolist()
+    return lambda t: (x + min(1.16 * t, 8.0) - 4.0, y + 0.09, INTRUDER_M)
+
+
+@pytest.mark.parametrize("landing", [True, False])
+def test_who_is_pushed_up_climbs_no_higher_than_the_guard_asks(landing: bool) -> None:
+    """The guard tilts it away, which lifts it; its reference must not go up with it and lift it again."""
+    separation = SeparationConfig(order=(CONFIG.mocap.body, OTHER))
+    config = CompanionConfig.model_validate({**dict(CONFIG), "separation": separation})
+
+    def intrude(flight: Flight) -> bool:
+        another(flies_under)(flight)
+        return True
+
+    up = [*QUICK_UP, ask(go_to(0.0, 0.0, 2.2)), wait(4.0), intrude, wait(2.3)]
+    ends = [ask(LandRequest()), until(Phase.DISARMED)] if landing else [wait(6.0)]
+    flight = asyncio.run(fly([*up, *ends], controller="practical", config=config, longest_s=40.0))
+    assert any(bool(tick.limited.separation_cut) for tick in flight.ticks if tick.limited)
+    flies = [tick for tick in flight.ticks if tick.flight.airborne]
+    clear_m = INTRUDER_M + HEIGHT_M
+    assert max(reference_at(tick.flight, tick.time_s).position_w_m[2] for tick in flies) < clear_m
+    assert max(truth_w_m[2] for truth_w_m in flight.truths_w_m) < clear_m + RULES.yield_margin_m
+    assert all(tick.flight.level <= FailsafeAction.HOLD for tick in flight.ticks)
+
+
 # --- its record ---
 
 
@@ -143,7 +177,7 @@ def record(head_on: FleetFlight, tmp_path_factory: pytest.TempPathFactory) -> Fl
     laws = {"practical": controller_path("practical").read_text(encoding="utf-8")}
     ticks = [replace(tick, law="practical") for tick in head_on.flights[1].ticks]
     begin = {"config": config.model_dump(mode="json"), "laws": laws, "unix_offset_s": 0.0}
-    folder: Path = tmp_path_factory.mktemp("records")
+    folder: pathlib.Path = tmp_path_factory.mktemp("records")
     (path,) = written(folder, ticks, begin)
     return read_flight(path)
 
