@@ -79,8 +79,8 @@ async def serve(settings: DaemonSettings) -> None:
         if settings.operator.embedded:
             await devices.enter_async_context(open_broker(settings.operator))
         link = BusLink(settings.operator, MonotonicClock(), session, about_of(settings.config, session))
-        separation, body = settings.config.separation, settings.config.mocap.body
-        traffic = Traffic(separation, body, session, link.announce, link.neighbours.intents)
+        separation, body, rules = settings.config.separation, settings.config.mocap.body, settings.config.flight_rules()
+        traffic = Traffic(separation, body, session, link.announce, link.neighbours.intents, rules)
         dispatcher = CommandDispatcher(settings.config, settings.note_law, link.rival, traffic)
         publisher = EventPublisher(link, settings.recorder)
         await devices.enter_async_context(link.listening(CommandLogger(dispatcher, publisher)))

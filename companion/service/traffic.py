@@ -11,16 +11,13 @@ from companion.config.separation_config import SeparationConfig
 from companion.core.errors import FlightError
 from companion.core.types import Array, OtherVehicle
 from companion.flight.flight_loop import FlightLoop
-from companion.guard.separation import Separation
 from companion.protocol.intent import MOST_KNOTS, Intent
-from companion.supervisor.flight_state import FlightState, TrackRequest
-from companion.supervisor.safety_rules import SafetyRules
+from companion.supervisor.flight_state import FlightRules, FlightState, TrackRequest
 from companion.supervisor.separation import objection
 from companion.supervisor.state_machine import reference_at
 from companion.trajectories.encounter import Crossing, Cylinder, Meeting, crossing, meeting
 from companion.trajectories.timed_path import TimedPath, sampled
 
-_RULES = SafetyRules()
 _SEEN_STEP_S = 0.1
 """Time between two points of a way that is compared with the vehicles that are seen."""
 _MILLIMETRE = 3
@@ -47,15 +44,15 @@ class Traffic:
         session: str,
         announce: Callable[[Intent | None], None],
         intents: Callable[[], Sequence[Intent]],
+        rules: FlightRules,
     ) -> None:
-        """`announce` publishes the own way, `intents` returns those of the vehicles that are heard now."""
+        """`announce` publishes the own way, `intents` returns those of the vehicles that are heard now.
+
+        Of the vehicles that are seen it keeps as clear as `rules` ask of every way that begins.
+        """
         self._order, self._body, self._session = separation.order, body, session
         self._cylinder = Cylinder(separation.radius_m, separation.height_m)
-        self._clear = Separation(
-            radius_m=separation.radius_m,
-            height_m=separation.height_m,
-            parked_height_m=min(separation.parked_height_m, separation.height_m),
-        ).widened(_RULES.yield_margin_m)
+        self._clear, self._clear_ahead_s = rules.keep_clear, rules.clear_ahead_s
         self._announce, self._intents = announce, intents
 
     async def way(self, loop: FlightLoop, request: TrackRequest) -> Way:
@@ -87,7 +84,8 @@ class Traffic:
         """Raise FlightError where a way, as a whole, leads too near another vehicle as motion capture sees it now."""
         times_s = np.arange(0.0, path.times_s[-1] + _SEEN_STEP_S, _SEEN_STEP_S)
         points = tuple((x, y, z) for x, y, z in path.at(times_s).tolist())
-        why = objection(points, _SEEN_STEP_S, others, self._clear, _RULES.yield_ahead_s)
+        clear = self._clear
+        why = "" if clear is None else objection(points, _SEEN_STEP_S, others, clear, self._clear_ahead_s)
         if why:
             raise FlightError(f"another vehicle is in the way: {why}")
 
@@ -123,7 +121,7 @@ class Traffic:
 
 def no_traffic() -> Traffic:
     """Return the traffic of a room with one vehicle."""
-    return Traffic(SeparationConfig(), "", "", lambda _: None, tuple)
+    return Traffic(SeparationConfig(), "", "", lambda _: None, tuple, FlightRules())
 
 
 def _path_of(flight: FlightState) -> TimedPath:

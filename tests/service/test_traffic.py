@@ -18,7 +18,7 @@ from companion.protocol.intent import Intent
 from companion.protocol.telemetry import Answer, Reply
 from companion.service.dispatcher import CommandDispatcher
 from companion.service.traffic import Traffic, Way
-from companion.supervisor.flight_state import TrackRequest
+from companion.supervisor.flight_state import FlightRules, TrackRequest
 from companion.trajectories.reference import Hold
 from tests.flights.simulated import Room
 from tests.service.test_dispatcher import BRISK, SESSION, SentCommand
@@ -55,7 +55,8 @@ async def do(dispatcher: CommandDispatcher, verb: str, **arguments: Any) -> list
 
 async def test_ways_are_compared_before_they_begin_and_announced_while_they_are_flown() -> None:
     config, air = CompanionConfig(flight=BRISK), Airspace()
-    traffic = Traffic(ORDER, "dauam", SESSION, air.announce, lambda: air.others)
+    shared = config.model_copy(update={"separation": ORDER})
+    traffic = Traffic(ORDER, "dauam", SESSION, air.announce, lambda: air.others, shared.flight_rules())
     room = Room(1)
     async with served(room, config) as one:
         await one.until(BOOTED_S)
@@ -110,7 +111,7 @@ def show(room: Room, other: OtherBody) -> None:
 async def test_without_separation_nothing_is_compared_or_announced() -> None:
     air, nobody = Airspace(), cast(FlightLoop, None)
     air.other("first", (0.0, 0.6, 0.0, 0.8))
-    traffic = Traffic(SeparationConfig(), "dauam", SESSION, air.announce, lambda: air.others)
+    traffic = Traffic(SeparationConfig(), "dauam", SESSION, air.announce, lambda: air.others, FlightRules())
     way = await traffic.way(nobody, TrackRequest(Hold(np.array([0.6, 0.0, 0.8])), 0.0))
     traffic.begin("goto", way)
     traffic.end(way)
