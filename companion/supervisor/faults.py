@@ -343,8 +343,10 @@ TABLE: tuple[Row, ...] = (
     Row(fault=Fault.ARMS, sign="a servo or the bus reports a fault, or does not answer",
         why="the arms hold their position; see docs/arms.md; with [arms] land_on_fault = false it is only reported",
         flying=_LAND, landing=_WARN, ground=_DISARM),
-    Row(fault=Fault.LANDING_TOO_LONG, sign="landing takes {landing_s} s longer than its descent should",
-        why="our own landing does not reach the ground",
+    Row(fault=Fault.LANDING_TOO_LONG,
+        sign="landing takes {landing_s} s longer than its descent should; time above another vehicle does not "
+        "count, up to {landing_above_s} s",
+        why="our own landing does not reach the ground; above another vehicle PX4 would land on it, unguarded",
         flying=_PX4, landing=_PX4, ground=_WARN),
     Row(fault=Fault.HOLD_TOO_LONG, sign="{hold_s} s in a hold caused by a fault",
         why="no operator answers, and the battery drains",

@@ -40,6 +40,8 @@ class SafetyRules:
     horizon_capped_s: float = 2.0
     """PX4's recorded errors exceeded the cap for less than a second."""
     landing_s: float = 15.0
+    landing_above_s: float = 60.0
+    """PX4's landing would lead onto the other one, unguarded; the critical battery still ends the wait before."""
     hold_s: float = 30.0
     operator_gone_s: float = 2.0
     disk_free_mb: float = 200.0

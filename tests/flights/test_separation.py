@@ -18,6 +18,8 @@ from companion.analysis.report.separation import separation_table
 from companion.analysis.report.story import story_of
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import controller_path
+from companion.config.flight_config import RoomConfig
+from companion.config.safety_config import FenceConfig
 from companion.config.separation_config import SeparationConfig
 from companion.core.types import Array
 from companion.records.read import FlightRecord, read_flight
@@ -165,6 +167,35 @@ def test_who_is_pushed_up_climbs_no_higher_than_the_guard_asks(landing: bool) ->
     assert max(reference_at(tick.flight, tick.time_s).position_w_m[2] for tick in flies) < clear_m
     assert max(truth_w_m[2] for truth_w_m in flight.truths_w_m) < clear_m + RULES.yield_margin_m
     assert all(tick.flight.level <= FailsafeAction.HOLD for tick in flight.ticks)
+
+
+def test_a_landing_without_a_free_place_waits_above_another_one_until_it_is_gone() -> None:
+    """PX4, to which a landing is handed over that is overdue, would land on it."""
+    separation = SeparationConfig(order=(CONFIG.mocap.body, OTHER))
+    narrow = {
+        "fence": FenceConfig(x_m=(-1.2, 1.2), y_m=(-1.2, 1.2)),
+        "room": RoomConfig(x_m=(-0.9, 0.9), y_m=(-0.9, 0.9)),
+    }
+    config = CompanionConfig.model_validate({**dict(CONFIG), "separation": separation, **narrow})
+    leaves_s, left = 27.0, 0.0
+
+    def hovers_below(flight: Flight) -> Path:
+        x, y, z = flight.room.truth_w_m.tolist()
+        return lambda t: (x + 0.1 + min(max(t - leaves_s, 0.0), 4.0), y, z - 2.0)
+
+    def intrude(flight: Flight) -> bool:
+        nonlocal left
+        left = flight.room.now_s() + leaves_s
+        another(hovers_below)(flight)
+        return True
+
+    script = [*QUICK_UP, ask(go_to(0.0, 0.0, 2.6)), wait(4.0), intrude, ask(LandRequest()), until(Phase.DISARMED)]
+    flight = asyncio.run(fly(script, controller="practical", config=config, longest_s=60.0))
+    assert Phase.HANDED_OVER not in flight.phases()
+    due_s = next(tick.flight.landing_due_s for tick in flight.ticks if tick.flight.phase is Phase.LAND)
+    assert left - due_s > RULES.landing_s, "it would have been handed over"
+    heights_m = [where[2] for tick, where in zip(flight.ticks, flight.truths_w_m, strict=True) if tick.time_s < left]
+    assert min(heights_m[-1500:]) > 0.6 + HEIGHT_M, "the guard keeps it above"
 
 
 # --- its record ---

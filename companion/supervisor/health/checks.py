@@ -59,7 +59,7 @@ def assess(
     attitude, attitude_events = check_attitude(memory.attitude, now, rules)
     position, position_events = check_position(memory.position, now, rules, fence, new)
     autopilot, autopilot_events = check_autopilot(memory.autopilot, now, rules)
-    flight, flight_events = check_flight(memory.flight, now, rules)
+    flight, flight_events = check_flight(memory.flight, now, rules, separation)
     apart, traffic_events = check_separation(memory.separation, now, rules, separation)
     found = mocap_events + stream_events + attitude_events + position_events + traffic_events
     found += autopilot_events + flight_events

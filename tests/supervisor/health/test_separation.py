@@ -321,3 +321,41 @@ def test_a_lost_one_is_missed_also_while_the_own_place_is_not_known() -> None:
 def test_disarmed_it_is_forgotten() -> None:
     lost = other(3.0, unseen_s=1.0)
     assert unseen([beside(0, other(3.0)), with_status(beside(1, lost), armed=False), beside(2, lost)]) == [False] * 3
+
+
+# --- a landing that is overdue above another one ---
+
+
+def overdue(cycle: int, overdue_s: float, *others: OtherVehicle) -> HealthInputs:
+    now = beside(cycle, *others)
+    return replace(now, stage=Stage.LANDING, landing_due_s=now.time_s - overdue_s)
+
+
+def too_long(separation: SeparationRules | None, *flight: HealthInputs) -> bool:
+    return Fault.LANDING_TOO_LONG in faults(watched(list(flight), separation=separation)[-1])
+
+
+@pytest.mark.parametrize("separation", [FIRST, LATER])
+@pytest.mark.parametrize(
+    ("x_m", "z_m", "waits"), [(0.0, -2.0, True), (1.29, -2.0, True), (1.31, -2.0, False), (0.0, 2.0, False)]
+)
+def test_a_landing_above_another_one_is_not_handed_over(
+    separation: SeparationRules, x_m: float, z_m: float, waits: bool
+) -> None:
+    there = other(x_m, z_m=z_m)
+    assert too_long(separation, overdue(0, 20.0, there)) is not waits
+    assert too_long(separation, overdue(0, 14.0, there)) is False
+    assert too_long(None, overdue(0, 20.0, there)), "who looks out for nobody"
+
+
+def test_its_time_goes_on_when_the_other_one_is_gone_and_does_not_wait_for_ever() -> None:
+    below, gone = other(0.0, z_m=-2.0), other(5.0)
+    now = overdue(0, 50.0, below)
+    for after_s, late in ((14.5, False), (15.5, True)):
+        last = replace(overdue(0, 0.0, gone), time_s=now.time_s + after_s, landing_due_s=now.landing_due_s)
+        assert too_long(FIRST, now, last) is late
+    assert not too_long(FIRST, overdue(0, 74.5, below))
+    assert too_long(FIRST, overdue(0, 75.5, below))
+    unseen = replace(below, position_w_m=(float("nan"),) * 3, unseen_s=float("inf"))
+    assert too_long(FIRST, overdue(0, 20.0, unseen))
+    assert too_long(FIRST, with_seen(overdue(0, 20.0, below), vehicle=None)), "nor is it known where it is itself"
