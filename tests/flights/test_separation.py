@@ -198,6 +198,22 @@ def test_a_landing_without_a_free_place_waits_above_another_one_until_it_is_gone
     assert min(heights_m[-1500:]) > 0.6 + HEIGHT_M, "the guard keeps it above"
 
 
+def test_a_landing_beside_a_vehicle_that_hovers_is_clear_of_it() -> None:
+    """It lands from above it, goes aside first, and passes it on its way down."""
+    first = [*QUICK_UP, ask(go_to(0.0, -3.0, 0.6)), at(30.0)]
+    over = [ask(go_to(0.0, -0.5, 2.6)), at(12.0), ask(go_to(0.0, -2.2, 2.6)), at(17.0)]
+    second = [*QUICK_UP, *over, ask(LandRequest()), until(Phase.DISARMED), wait(0.2)]
+    fleet = flown(first, second)
+    assert gaps_m(fleet).min() > 0.0
+    hovers, landed = fleet.flights
+    assert levels(hovers) == levels(landed) == []
+    assert landed.truths_w_m[-1][2] < 0.05
+    beside_m = math.dist(landed.truths_w_m[-1][:2], hovers.truths_w_m[-1][:2])
+    assert beside_m == pytest.approx(RADIUS_M + 0.15, abs=0.05)
+    lost = [event for flight in fleet.flights for tick in flight.ticks for event in tick.events]
+    assert Fault.SEPARATION_LOST not in {event.fault for event in lost}
+
+
 # --- its record ---
 
 
