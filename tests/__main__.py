@@ -2,7 +2,8 @@
 
 Two run what is bound to the wall clock, one test after the other: flights, and links to devices that mostly wait. The
 others run the rest at the lowest priority, in the time that those leave: on two cores no vehicle falls because another
-one is being simulated.
+one is being simulated. One of them runs the tests of what keeps the vehicle safe, and says which of its lines and
+branches no test has reached.
 """
 
 import argparse
@@ -26,7 +27,10 @@ _EVERY_CORE = ("-n", str(os.cpu_count() or 1), "--dist", "loadfile", "--no-loads
 """A process for each core; a file of tests in one of them: it shares its flights."""
 _COLLECT = (sys.executable, "-m", "pytest", "-qq", "--collect-only", "-p", "no:cacheprovider")
 """Makes pytest rewrite and keep every module of tests once, before several processes would do it at the same time."""
+_COVERAGE = ("-m", "coverage")
 _FLIGHTS, _LINKS, _SIMULATED = "realtime and flight", "realtime and not flight", "not realtime"
+_COVERED = ("tests/supervisor", "tests/guard")
+"""Run by themselves when all tests are run: they must reach all that pyproject.toml names under coverage."""
 
 
 def main(arguments: list[str]) -> int:
@@ -51,14 +55,18 @@ def main(arguments: list[str]) -> int:
 
 def _run(folder: Path, only: str, rest: list[str]) -> int:
     began_s = time.monotonic()
+    covered = () if rest or only else _COVERED
     # pytest keeps the modules that it has rewritten, where it may: the processes that follow find them ready.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
     flights = subprocess.Popen(_pytest(_FLIGHTS, only, folder, [*rest, *_under(rest, list(ALONE))]))
     beside: list[_Beside] = []
     try:
+        if covered:
+            beside.append(_Beside(_LOWEST_PRIORITY, _under_coverage(folder)))
         subprocess.run([*_LOWEST_PRIORITY, *_COLLECT, *rest], check=False, stdout=subprocess.DEVNULL)
         beside.append(_Beside([], _pytest(_LINKS, only, folder, [*rest, *_under(rest, _with_links())])))
-        beside.append(_Beside(_LOWEST_PRIORITY, _pytest(_SIMULATED, only, folder, [*_EVERY_CORE, *rest])))
+        others = [f"--ignore={path}" for path in covered]
+        beside.append(_Beside(_LOWEST_PRIORITY, _pytest(_SIMULATED, only, folder, [*_EVERY_CORE, *rest, *others])))
         codes = {flights.wait()}
         print("waiting for the tests of links, and those in simulated time ...", flush=True)
         codes |= {process.wait() for process in beside}
@@ -67,6 +75,8 @@ def _run(folder: Path, only: str, rest: list[str]) -> int:
         flights.wait()
         for process in beside:
             process.end()
+    if covered:
+        codes.add(_report_coverage(folder))
     _summarise(list(folder.glob("*.xml")), time.monotonic() - began_s)
     codes = {code for code in codes if code != _NO_TESTS} or {_NO_TESTS}
     return next((code for code in codes if code), 0)
@@ -104,8 +114,19 @@ class _Beside:
             sys.stdout.flush()
 
 
-def _pytest(which: str, only: str, folder: Path, rest: list[str]) -> list[str]:
-    name = which.replace(" ", "-")
+def _under_coverage(folder: Path) -> list[str]:
+    interpreter, *run = _pytest(_SIMULATED, "", folder, list(_COVERED), "covered")
+    return [interpreter, *_COVERAGE, "run", f"--data-file={folder / 'coverage'}", *run]
+
+
+def _report_coverage(folder: Path) -> int:
+    """Print which lines were not reached; return 0 when there are none."""
+    report = [sys.executable, *_COVERAGE, "report", f"--data-file={folder / 'coverage'}"]
+    return subprocess.run(report, check=False).returncode
+
+
+def _pytest(which: str, only: str, folder: Path, rest: list[str], name: str = "") -> list[str]:
+    name = name or which.replace(" ", "-")
     results = ["-o", f"cache_dir=.pytest_cache/{name}", f"--junitxml={folder / name}.xml", "--durations=10"]
     return [sys.executable, "-m", "pytest", "-q", "-m", which + only, *results, *rest]
 
