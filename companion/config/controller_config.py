@@ -1,5 +1,6 @@
 """Controller files: which law, its gains, and the check that refuses an unstable set."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -14,6 +15,11 @@ from companion.control.controller import Controller, VehicleModel
 from companion.control.delay_predictor import Predictor
 from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains, PidGains
+from companion.control.peers.geometric_pid import GeometricPid, GeometricPidGains
+from companion.control.peers.indi import Indi, IndiGains
+from companion.control.peers.l1_adaptive import L1Adaptive, L1Gains
+from companion.control.peers.linear_mpc import LinearMpc, MpcGains
+from companion.control.peers.outer_loop import PeerGains, PeerLaw
 from companion.control.pid import Pid
 from companion.core.interfaces import ConfigError
 
@@ -44,7 +50,9 @@ class ErrorLimits(Section):
 class _LawFile(Section):
     """Keys that every controller file has."""
 
-    law: str = Field(description='"etnn", "pid", or "FILE.py:NAME" for a law of your own')
+    law: str = Field(
+        description='"etnn", "pid", "geometric-pid", "indi", "l1", "mpc", or "FILE.py:NAME" for a law of your own'
+    )
     description: str = Field("", description="what reports say of it")
     error_limits: ErrorLimits = ErrorLimits()
 
@@ -75,10 +83,56 @@ class PidFile(_LawFile):
     gains: PidGains = Field(default_factory=PidGains)
 
 
+class PeerFile(_LawFile):
+    """A file with another author's law."""
+
+    gains: PeerGains
+    tune: dict[str, tuple[float, float]] = Field(
+        default_factory=dict,
+        description="ranges that `companion tune` searches: a gain, or GAIN.z for its third number apart",
+    )
+
+
+class GeometricPidFile(PeerFile):
+    """A file with law = "geometric-pid"."""
+
+    gains: GeometricPidGains = Field(default_factory=GeometricPidGains)
+
+
+class IndiFile(PeerFile):
+    """A file with law = "indi"."""
+
+    gains: IndiGains = Field(default_factory=IndiGains)
+
+
+class L1File(PeerFile):
+    """A file with law = "l1"."""
+
+    gains: L1Gains = Field(default_factory=L1Gains)
+
+
+class MpcFile(PeerFile):
+    """A file with law = "mpc"."""
+
+    gains: MpcGains = Field(default_factory=MpcGains)
+
+
+PEERS: dict[str, tuple[type[PeerFile], Callable[[Any, VehicleModel, float], PeerLaw]]] = {
+    "geometric-pid": (GeometricPidFile, GeometricPid),
+    "indi": (IndiFile, Indi),
+    "l1": (L1File, L1Adaptive),
+    "mpc": (MpcFile, LinearMpc),
+}
+"""Files and laws of the peers, by the name in `law`."""
+
+
 class OwnLawFile(_LawFile):
     """A file whose law is in a user's Python file: law = "my_law.py:MyLaw"; its gains are checked by that file."""
 
     gains: dict[str, Any] = Field(default_factory=dict, description="whatever the law's Python file asks for")
+
+
+_LAWS = ", ".join(repr(law) for law in ("etnn", "pid", *PEERS))
 
 
 @dataclass(frozen=True)
@@ -158,14 +212,37 @@ def load_controller(
         pid = validate(PidFile, data, path)
         allowed, text = allow_unstable, pid.description
         return LoadedController(name, Pid(pid.gains), pid.error_limits, text, unstable_allowed=allowed)
+    if law in PEERS:
+        peer = validate(PEERS[law][0], data, path)
+        return LoadedController(
+            name,
+            peer_law(peer, vehicle, period_s),
+            peer.error_limits,
+            peer.description,
+            unstable_allowed=allow_unstable,
+        )
     if is_law_file(law):
         own = validate(OwnLawFile, data, path)
         flies = own_law(own.law, own.gains, path, files.law_source, vehicle, period_s)
         python = law_path(own.law, path)
         return LoadedController(name, flies, own.error_limits, own.description, python, allow_unstable)
     if law is None:
-        raise ConfigError(f"{path}: has no law: a controller file says law = 'etnn', 'pid', or {LAW_FORM}")
-    raise ConfigError(f"{path}: law = {law!r}: must be 'etnn', 'pid', or {LAW_FORM}")
+        raise ConfigError(f"{path}: has no law: a controller file says law = {_LAWS}, or {LAW_FORM}")
+    raise ConfigError(f"{path}: law = {law!r}: must be {_LAWS}, or {LAW_FORM}")
+
+
+def read_peer(given: str | ControllerFiles) -> PeerFile:
+    """Read the file of another author's law; ConfigError for a bad file or any other law."""
+    files = read_controller(given)
+    path, data = files.path, files.tables
+    if data.get("law") not in PEERS:
+        raise ConfigError(f"{path}: law = {data.get('law')!r}: must be one of {', '.join(PEERS)} here")
+    return validate(PEERS[data["law"]][0], data, path)
+
+
+def peer_law(file: PeerFile, vehicle: VehicleModel, period_s: float) -> PeerLaw:
+    """Return the law of a file."""
+    return PEERS[file.law][1](file.gains, vehicle, period_s)
 
 
 def read_etnn(given: str | ControllerFiles) -> EtnnFile:

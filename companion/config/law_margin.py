@@ -13,6 +13,7 @@ from companion.config.text_files import read_text
 from companion.control.controller import Controller, VehicleModel
 from companion.control.etnn import Etnn
 from companion.control.margin import Margin, TooLongError, Verdict, measure_margin
+from companion.control.peers.outer_loop import PeerLaw
 from companion.core.interfaces import ConfigError
 
 LEAST_PHASE_DEG = 20.0
@@ -84,9 +85,11 @@ def require_margin(
 
 
 def _without_trigger(law: Controller) -> Controller:
-    """Return ET-NN with a command in every cycle: its trigger is a bounded disturbance, sigma + kappa/delta."""
+    """Return a law with a command in every cycle: a trigger is a bounded disturbance, as sigma + kappa/delta."""
     if isinstance(law, Etnn):
         return replace(law, gains=law.gains.model_copy(update={"every_cycle": True}))
+    if isinstance(law, PeerLaw):
+        return law.without_trigger()
     return law
 
 

@@ -18,7 +18,7 @@ from pydantic.fields import FieldInfo
 
 from companion.config.arm_files import MOTIONS
 from companion.config.companion_config import CompanionConfig
-from companion.config.controller_config import EtnnFile, OwnLawFile, PidFile
+from companion.config.controller_config import PEERS, EtnnFile, OwnLawFile, PidFile
 from companion.config.preflight_config import Recommended
 from companion.simulation.scene import ExperimentFile
 from mock_autopilot.config import MockConfig
@@ -223,6 +223,10 @@ def page() -> str:
         chapter("The companion", "`config/lab.toml` and `config/demo.toml` are examples.", CompanionConfig),
         chapter("Control laws", 'Files of `config/controllers/`; those with `law = "etnn"`.', EtnnFile),
         chapter('Control laws: `law = "pid"`', "As above, with other gains.", PidFile),
+        *(
+            chapter(f'Control laws: `law = "{law}"`', "[peers.md](peers.md).", model)
+            for law, (model, _) in PEERS.items()
+        ),
         chapter("Control laws of your own", "[own-law.md](own-law.md).", OwnLawFile),
         *(
             chapter(f'Motions of the arms: `kind = "{kind}"`', "Files of `config/arms/`.", model)

@@ -6,7 +6,7 @@ import pytest
 
 from companion.config.arm_files import MOTIONS
 from companion.config.companion_config import CompanionConfig
-from companion.config.controller_config import EtnnFile, OwnLawFile, PidFile
+from companion.config.controller_config import PEERS, EtnnFile, OwnLawFile, PidFile
 from companion.config.preflight_config import Recommended
 from companion.simulation.scene import ExperimentFile
 from mock_autopilot.config import MockConfig
@@ -17,6 +17,7 @@ FILES = [
     CompanionConfig,
     EtnnFile,
     PidFile,
+    *(model for model, _ in PEERS.values()),
     OwnLawFile,
     ExperimentFile,
     Recommended,

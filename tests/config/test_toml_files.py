@@ -23,6 +23,7 @@ from tests.control.by_hand import PRINTED, PRINTED_NUMBERS
 VEHICLE = VehicleModel()
 PROJECT = Path(__file__).resolve().parents[2]
 CONTROLLERS = PROJECT / "config" / "controllers"
+PEER_NAMES = "'geometric-pid', 'indi', 'l1', 'mpc'"
 
 
 def written(folder: Path, text: str, name: str = "mine.toml") -> Path:
@@ -364,7 +365,8 @@ def test_an_unknown_controller_names_those_there_are() -> None:
         load_controller("etn", VEHICLE, 0.01)
     said = str(caught.value)
     assert said.startswith(
-        "unknown controller 'etn': give a TOML file, 'etnn', or one of paper, paper-repaired, pid, practical"
+        "unknown controller 'etn': give a TOML file, 'etnn', or one of geometric-pid, indi, l1, mpc, paper, "
+        "paper-repaired, pid, practical"
     )
     assert "\n" not in said
 
@@ -372,9 +374,9 @@ def test_an_unknown_controller_names_those_there_are() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", f"has no law: a controller file says law = 'etnn', 'pid', or {LAW_FORM}"),
-        ('law = "lqr"', f"law = 'lqr': must be 'etnn', 'pid', or {LAW_FORM}"),
-        ("law = 3", f"law = 3: must be 'etnn', 'pid', or {LAW_FORM}"),
+        ("", f"has no law: a controller file says law = 'etnn', 'pid', {PEER_NAMES}, or {LAW_FORM}"),
+        ('law = "lqr"', f"law = 'lqr': must be 'etnn', 'pid', {PEER_NAMES}, or {LAW_FORM}"),
+        ("law = 3", f"law = 3: must be 'etnn', 'pid', {PEER_NAMES}, or {LAW_FORM}"),
         ('law = "etnn"\n[gains]\nsgima = 0.1', "gains.sgima: unknown key, did you mean 'sigma'?"),
         ('law = "etnn"\n[gains]\np = 0.4', "gains.p = 0.4: must be above 0.5"),
         ('law = "etnn"\n[gains]\nsigma = "0.1"', "gains.sigma = '0.1': must be a number, without quotes"),

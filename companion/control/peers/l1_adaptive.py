@@ -1,0 +1,96 @@
+"""L1 adaptive augmentation of a geometric law: Wu et al. 2022.
+
+Z. Wu, S. Cheng, K. A. Ackerman, A. Gahlawat, A. Lakshmanan, P. Zhao, N. Hovakimyan, "L1 adaptive augmentation for
+geometric tracking control of quadrotors", ICRA 2022: state predictor, piecewise-constant adaptation and low pass of the
+translation. Their rotational part is PX4's here, so the whole force disturbance is matched by the commanded
+acceleration; the baseline is the same geometric law, without its integral.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydantic import Field
+
+from companion.control.controller import ControlInput, ControlOutput
+from companion.control.gains import Positive
+from companion.control.peers.outer_loop import FeedbackGains, FeedbackLaw, LoopMemory, Sight
+from companion.core.types import Array, Scalar
+from companion.core.values import value
+from companion.geometry.array_math import maximum, where
+
+
+class L1Gains(FeedbackGains):
+    """Gains of the L1 augmentation."""
+
+    predictor_radps: Positive = Field(5.0, le=60.0, description="A_s = -this: pole of the state predictor, rad/s")
+    filter_radps: Positive = Field(4.0, le=40.0, description="cut-off of the low pass C(s), rad/s")
+
+
+@value
+class Adaptation:
+    """State of the adaptation; vectors (..., 3) in W."""
+
+    velocity: Array
+    """Predicted velocity v_hat, m/s."""
+    error: Array
+    """v_tilde = v_hat - v at the last frame, m/s."""
+    sigma: Array
+    """Estimated disturbance sigma_hat, m/s^2."""
+    filtered: Array
+    """C(s) sigma_hat: what is taken off the command."""
+    acting: Array
+    """Acceleration by the rotors at the last capture."""
+
+
+@value
+class L1Memory:
+    """Memory of the law."""
+
+    loop: LoopMemory
+    adaptation: Adaptation
+
+
+@dataclass(frozen=True)
+class L1Adaptive(FeedbackLaw):
+    """Law u = u_geometric - C(s) sigma_hat."""
+
+    gains: L1Gains
+
+    def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> L1Memory:
+        """Return the memory that compensates a known disturbance (m/s^2), (..., 3)."""
+        known = known_disturbance_w_mps2 + np.zeros_like(now.position_w_m)
+        pole = self.gains.predictor_radps
+        error = -known / (self._gain(self.period_s) + pole)  # at rest: v_hat' = v' with sigma_hat = - gain v_tilde
+        velocity, acting = now.velocity_w_mps + error, now.sent_accel_w_mps2 + np.zeros_like(known)
+        return L1Memory(self.begin(now), Adaptation(velocity, error, known, known, acting))
+
+    def step(self, memory: L1Memory, now: ControlInput) -> tuple[L1Memory, ControlOutput]:
+        """Return the memory and the command of one cycle."""
+        sight, loop = self.look(memory.loop, now)
+        adapted = self.adapted(memory.adaptation, sight, now)
+        errors = sight.errors(now.reference, adapted.filtered)
+        wanted = self.feedback(errors, now.reference) - adapted.filtered
+        signals = {"x1": errors[0], "disturbance": adapted.filtered, "sigma": adapted.sigma}
+        loop, output = self.send(loop, wanted, now, signals)
+        return L1Memory(loop, adapted), output
+
+    def adapted(self, before: Adaptation, sight: Sight, now: ControlInput) -> Adaptation:
+        """Advance the adaptation to a new frame; without one only the low pass moves.
+
+        v_hat' = a + sigma_hat + A_s v_tilde; sigma_hat = -Phi^-1 e^(A_s T) v_tilde, Phi = A_s^-1 (e^(A_s T) - I).
+        """
+        pole, step_s = self.gains.predictor_radps, sight.elapsed_s
+        acting = 0.5 * (before.acting + sight.acting_w_mps2)
+        velocity = before.velocity + step_s * (acting + before.sigma - pole * before.error)
+        error = velocity - now.velocity_w_mps
+        fresh = step_s > 0.0
+        sigma = where(fresh, -self._gain(maximum(step_s, 1e-6)) * error, before.sigma)
+        error = where(fresh, error, before.error)
+        share = -np.expm1(-self.gains.filter_radps * now.dt_s)
+        filtered = before.filtered + share * (sigma - before.filtered)
+        return Adaptation(velocity, error, sigma, filtered, sight.acting_w_mps2)
+
+    def _gain(self, step_s: Scalar) -> Scalar:
+        """Return Phi^-1 e^(A_s T) for frames T = `step_s` apart, 1/s."""
+        pole = self.gains.predictor_radps
+        return pole / np.expm1(pole * step_s)
