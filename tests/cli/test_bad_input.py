@@ -95,11 +95,3 @@ async def test_a_port_in_use_is_named(tmp_path: Path) -> None:
         with _taken_udp_port() as port:
             config = f'[mocap]\nport = {ports.qualisys}\n[px4]\nurl = "udpin://127.0.0.1:{port}"\n'
             await _refused(tmp_path, config, f"cannot open udpin://127.0.0.1:{port}")
-
-
-async def test_a_body_that_is_not_seen_is_not_armed(tmp_path: Path) -> None:
-    mock = mock_config(tmp_path, ("rate_hz = 100.0", "rate_hz = 100.0\noutages = [{start_s = 0.0, for_s = 600.0}]"))
-    ran = await run("demo", "--free-ports", "--mock-config", mock, "--out", tmp_path)
-    assert ran.code == 1, ran.said
-    assert "is not seen by motion capture" in ran.out
-    assert "armed" not in ran.out.replace("disarmed", "")

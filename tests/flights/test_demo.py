@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from companion.records.read import read_flight
-from tests.flights.command import read_json, run, size_of_only, start
+from tests.flights.command import mock_config, read_json, run, size_of_only, start
 
 pytestmark = pytest.mark.realtime
 
@@ -66,3 +66,22 @@ async def test_ctrl_c_lands(tmp_path: Path) -> None:
     assert "interrupted: landing" in ran.out
     assert "disarmed" in ran.out
     assert "Traceback" not in ran.said
+
+
+async def test_motion_capture_silent_before_takeoff_is_one_sentence_and_a_safe_vehicle(tmp_path: Path) -> None:
+    mock = mock_config(tmp_path, ("rate_hz = 100.0", "rate_hz = 100.0\nsilences = [{start_s = 3.0, for_s = 600.0}]"))
+    ran = await run("demo", "--free-ports", "--mock-config", mock, "--out", tmp_path)
+    assert ran.code == 1, ran.said
+    assert "body seen" in ran.out or "mocap silent" in ran.out, "the preflight's check, or a little later the flight's"
+    assert "The mocks run on this computer: it may have been too busy" in ran.out, "nobody asked for a fault"
+    assert "takeoff" not in ran.out
+    assert "the flight was ended" not in ran.out, "it had not begun"
+    assert "Traceback" not in ran.said
+
+
+async def test_a_body_that_is_not_seen_is_not_armed(tmp_path: Path) -> None:
+    mock = mock_config(tmp_path, ("rate_hz = 100.0", "rate_hz = 100.0\noutages = [{start_s = 0.0, for_s = 600.0}]"))
+    ran = await run("demo", "--free-ports", "--mock-config", mock, "--out", tmp_path)
+    assert ran.code == 1, ran.said
+    assert "is not seen by motion capture" in ran.out
+    assert "armed" not in ran.out.replace("disarmed", "")
