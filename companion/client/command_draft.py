@@ -2,13 +2,19 @@
 
 import json
 import secrets
+from collections.abc import Mapping
 from typing import Any
 
 from pydantic import ValidationError
 
 from companion.core.errors import ConfigError
 from companion.core.validation_messages import plain
-from companion.protocol.commands import COMMAND
+from companion.protocol.commands import COMMAND, STOPS
+
+
+def stops(verb: str, fields: Mapping[str, object]) -> bool:
+    """Return whether a command makes safe: sent to every vehicle that is reached, and late rather than never."""
+    return verb in STOPS or fields.get("do") == "hold"
 
 
 class CommandDraft:
@@ -22,6 +28,11 @@ class CommandDraft:
             self.payload("0" * 16, 0.0, "nobody")
         except ValidationError as error:
             raise ConfigError(_sentence(verb, error)) from error
+
+    @property
+    def stops(self) -> bool:
+        """Whether it makes safe."""
+        return stops(self.verb, self._fields)
 
     def payload(self, session: str, sent_s: float, reply_to: str) -> bytes:
         """Return the JSON of the command, UTF-8."""

@@ -14,6 +14,8 @@ from companion.protocol.telemetry import ENDS, Answer, Reply, State
 
 _ANSWER_S = 8.0
 """Time to wait for an answer: the service replies at once, or after its checks of a trajectory."""
+_LATE_S = 2.0
+"""Time after which a command that stops nothing is not sent any more: nobody expects the motion by then."""
 _GONE_S = 15.0
 """Time without broker or service after which the end of a command counts as lost."""
 _UNSEEN_S = 2.0
@@ -97,22 +99,40 @@ class PendingCommand:
             raise UnknownOutcomeError(f"{self._draft.verb}: {why}; {known_of(self._console)}")
 
     async def _send(self) -> None:
-        """Send the command once; retry only while it certainly was not sent."""
-        end_s = asyncio.get_running_loop().time() + _ANSWER_S
+        """Send the command once; retry only while it certainly was not sent, and for longer if it stops something."""
+        now_s = asyncio.get_running_loop().time
+        patience_s = _ANSWER_S if self._draft.stops else _LATE_S
+        end_s, whole = now_s() + patience_s, True
         while True:
-            state = await self._console.find()
-            self._session = state.session
-            self.sent = Sent.PERHAPS
-            try:
-                if await self._console.send(self._draft):
-                    self.sent = Sent.YES
-            except NotSentError as error:
-                self.sent = Sent.NO
-                if asyncio.get_running_loop().time() > end_s:
-                    raise NoServiceError(f"{self._draft.verb}: nothing was sent: {error}") from error
-                await asyncio.sleep(_LOOK_S)
-            else:
+            whole = whole and self._console.linked
+            state = await self._found(end_s)
+            if not whole and now_s() > end_s:
+                broken = f"the connection was broken for more than {patience_s:g} s"
+                raise NoServiceError(f"{self._draft.verb}: nothing was sent: {broken}; give the command again")
+            if state is not None and await self._was_sent(state):
                 return
+            whole = False
+
+    async def _found(self, end_s: float) -> State | None:
+        """Return the service's state; None when the connection broke and there is time left, else NoServiceError."""
+        try:
+            return await self._console.find()
+        except NoServiceError:
+            if self._console.linked or asyncio.get_running_loop().time() > end_s:
+                raise
+        return None
+
+    async def _was_sent(self, state: State) -> bool:
+        """Send it to the service of this state; return False, after a while, when it certainly was not sent."""
+        self._session = state.session
+        self.sent = Sent.PERHAPS
+        try:
+            if await self._console.send(self._draft):
+                self.sent = Sent.YES
+        except NotSentError:
+            self.sent = Sent.NO
+            await asyncio.sleep(_LOOK_S)
+        return self.sent is not Sent.NO
 
     def _is_of_another(self, message: Message) -> bool:
         """Return whether it is the reply of a second service that was not addressed."""

@@ -188,5 +188,7 @@ COMMAND: TypeAdapter[Command] = TypeAdapter(Annotated[Command, Field(discriminat
 """Validator that reads a command from JSON."""
 VERBS: tuple[str, ...] = tuple(get_args(model.model_fields["verb"].annotation)[0] for model in get_args(Command))
 """Verbs of all commands."""
+STOPS = frozenset({"hold", "land", "abort", "kill", "disarm"})
+"""Verbs that make safe; all others may set something in motion."""
 AT_ONCE = frozenset({"hold", "land", "abort", "resume", "kill", "disarm"})
 """Verbs that never wait for a running command, and end it."""

@@ -284,3 +284,30 @@ def test_what_the_service_would_not_read_is_said_before_anything_is_sent() -> No
         with pytest.raises(ConfigError) as error:
             CommandDraft(**fields)
         assert str(error.value).startswith(sentence)
+
+
+async def test_after_a_broken_connection_a_landing_is_sent_late_and_a_takeoff_is_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(pending_command, "_LATE_S", 0.05)
+    with broker() as own:
+        place = OperatorConfig(port=own.port, vehicle=vehicle())
+        async with scripted(own.port, place.vehicle) as service, open_console(place) as console:
+            await console.find()
+            await asyncio.to_thread(own.stop)
+            with console.inbox() as inbox:
+                while console.linked:
+                    await inbox.next(1.0)
+            given = [PendingCommand(console, CommandDraft(verb)) for verb in ("takeoff", "land")]
+            ends = asyncio.gather(*(ended(one) for one in given), return_exceptions=True)
+            await asyncio.sleep(0.1)
+            await asyncio.to_thread(own.start)
+            takeoff, land = await ends
+    assert isinstance(takeoff, NoServiceError)
+    assert "takeoff: nothing was sent" in str(takeoff)
+    assert land == [Answer.ACCEPTED, Answer.DONE]
+    assert [one.verb for one in service.taken] == ["land"]
+
+
+async def ended(command: PendingCommand) -> list[Answer]:
+    return answers([said async for said in command.messages()])

@@ -12,7 +12,7 @@ from companion.cli.operator.json_output import JsonVoices, Voice, Voices
 from companion.cli.operator.options import CommandOptions
 from companion.cli.operator.run import INTERRUPTED_FIRST, CommandRun, PressedError
 from companion.client.addresses import endpoints_of
-from companion.client.command_draft import CommandDraft
+from companion.client.command_draft import CommandDraft, stops
 from companion.client.vehicle import Vehicle
 from companion.config.operator_config import OperatorConfig
 from companion.core.errors import CompanionError, ConfigError
@@ -20,10 +20,8 @@ from companion.core.errors import CompanionError, ConfigError
 if TYPE_CHECKING:
     from companion.cli.operator.output_formats import Show
 
-STOPS = frozenset({"hold", "land", "abort", "kill", "disarm"})
-"""Verbs that make safe: sent to every vehicle that is reached, though others are not."""
-_TOGETHER = STOPS | {"preflight", "params"}
-"""Verbs that go to all at the same time unless the operator says otherwise; the others move something."""
+_TOGETHER = frozenset({"preflight", "params"})
+"""Verbs that, like those that stop, go to all at the same time unless the operator says otherwise."""
 _LEAD_ASTRAY = frozenset({"goto", "track"})
 
 
@@ -81,7 +79,7 @@ class _Several:
     def __init__(self, options: CommandOptions, voices: Voices, verb: str, fields: dict[str, object]) -> None:
         self._options, self._voices, self._verb, self._fields = options, voices, verb, fields
         self._parts: list[_Part] = []
-        self._stops = verb in STOPS or fields.get("do") == "hold"
+        self._stops = stops(verb, fields)
         together = options.together
         self._together = (verb in _TOGETHER or self._stops) if together is None else together
 
