@@ -28,7 +28,12 @@ $(VENV)/.installed: requirements-dev.lock pyproject.toml
 	@$(BIN)/python -m compileall -q companion mock_autopilot tests
 	@touch $@
 
-venv: $(VENV)/.installed
+# The law's compiled twin; without a C compiler everything works, slower.
+$(VENV)/.compiled: $(VENV)/.installed companion/compiled/flight.c companion/compiled/traced.c companion/compiled/library.py
+	@$(BIN)/python -m companion.compiled.library
+	@touch $@
+
+venv: $(VENV)/.installed $(VENV)/.compiled
 
 # For the whole computer, with systemd; needs nothing of $(VENV).
 install:
@@ -62,6 +67,7 @@ lint: venv
 	@$(BIN)/ruff format --check .
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports
+	@$(BIN)/python -m companion.simulation.traces --check
 
 # What keeps the vehicle safe is tested on every line and branch; `make test` asks that, too.
 coverage: venv

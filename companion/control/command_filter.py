@@ -86,7 +86,7 @@ def filter_step(state: FilterState, alpha1: Array, f_hat: Array, gains: EtnnGain
     """
     (squared_1, theta_1), (squared_2, power_2) = _theta(state.iota1, gains), _power(state.iota2, gains)
     zeta, rho, eps, share_s = gains.zeta, gains.rho, gains.filter_eps, dt_s * gains.compensation
-    quick, m = dt_s / eps**2, math_module(squared_1)
+    quick, m = dt_s / (eps * eps), math_module(squared_1)
 
     def advanced(chi: Scalar, xi: Scalar, iota1: Scalar, iota2: Scalar, *held: Scalar) -> tuple[Scalar, ...]:
         alpha1, f_hat, c1, k, k1, c2, k2 = held

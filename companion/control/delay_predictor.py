@@ -20,7 +20,7 @@ from companion.control.disturbance_observer import DisturbanceEstimate, nothing_
 from companion.control.lag_models import exponential, first_order, second_order
 from companion.core.types import Array, Scalar
 from companion.core.values import value
-from companion.geometry.array_math import math_module, stack, unstack
+from companion.geometry.array_math import dots, math_module, stack, unstack
 from companion.geometry.frames import up_axis_parts
 
 
@@ -85,13 +85,17 @@ class Predictor:
         drives = np.empty_like(memory.drives)
         drives[..., :-3] = memory.drives[..., 1:-2]
         drives[..., -3] = now.sent_accel_w_mps2
-        thrust = self._thrust(memory.thrust_mps2, drives[..., 0])
+        thrust = self._thrust(memory.thrust_mps2, self._oldest(drives))
         x, y, z = up_axis_parts(now.q_w_flu_wxyz)
         accel = stack(thrust * x, thrust * y, thrust * z - self.vehicle.gravity_mps2)
         drives[..., -2] = accel
         drives[..., -1] = _jerk(thrust, now.q_w_flu_wxyz, now.rate_flu_radps)
         observed = observe(memory.observed, now.velocity_w_mps, accel, now.age_s, now.dt_s, self.observer_radps)
         return self._propagate(now, drives, observed.disturbance), PredictorMemory(drives, stack(thrust), observed)
+
+    def _oldest(self, drives: Array) -> Array:
+        """Return the command that acts at capture time, (..., 3)."""
+        return drives[..., 0]
 
     def _thrust(self, thrust_mps2: Array, oldest_sent: Array) -> Scalar:
         """Return the specific thrust at capture time, when the oldest kept command acted."""
@@ -104,9 +108,9 @@ class Predictor:
         w, velocity = self._weights, now.velocity_w_mps
         late = now.age_s - self.vehicle.mocap_age_s  # the part of the age the weights do not know
         ahead = w.horizon_s + late
-        driven = np.vecdot(w.drives, drives[..., None, :, :])
-        position = now.position_w_m + ahead * velocity + (0.5 * ahead * ahead) * disturbance + driven[..., 0, :]
-        return Prediction(position, velocity + ahead * disturbance + driven[..., 1, :], disturbance)
+        moved, faster = dots(w.drives[..., 0, :, :], drives), dots(w.drives[..., 1, :, :], drives)
+        position = now.position_w_m + ahead * velocity + (0.5 * ahead * ahead) * disturbance + moved
+        return Prediction(position, velocity + ahead * disturbance + faster, disturbance)
 
     @cached_property
     def _thrust_share(self) -> float:
@@ -114,7 +118,7 @@ class Predictor:
         return -math.expm1(-self.period_s / self.vehicle.thrust_lag_s)
 
     @cached_property
-    def _weights(self) -> "_Weights":
+    def _weights(self) -> "Weights":
         leads = np.broadcast_arrays(self.lead_s, self.thrust_lead_s)
         if not leads[0].shape:
             return _weights(self.vehicle, self.period_s, float(leads[0]), float(leads[1]))
@@ -123,17 +127,17 @@ class Predictor:
 
 
 @dataclass(frozen=True)
-class _Weights:
+class Weights:
     """Response of (position, velocity) at the horizon to the drives, per axis: (..., 2, 3, n + 2)."""
 
     horizon_s: Scalar
     drives: Array
 
 
-def _stacked(weights: list[_Weights], lead: tuple[int, ...]) -> _Weights:
+def _stacked(weights: list[Weights], lead: tuple[int, ...]) -> Weights:
     """Return the weights of all vehicles of a batch of shape `lead`."""
     horizon_s, drives = np.array([w.horizon_s for w in weights]), np.stack([w.drives for w in weights])
-    return _Weights(horizon_s.reshape(*lead, 1), drives.reshape(*lead, *drives.shape[1:]))
+    return Weights(horizon_s.reshape(*lead, 1), drives.reshape(*lead, *drives.shape[1:]))
 
 
 def _jerk(thrust_mps2: Scalar, q: Array, rate_flu_radps: Array) -> Array:
@@ -148,7 +152,7 @@ def _jerk(thrust_mps2: Scalar, q: Array, rate_flu_radps: Array) -> Array:
 
 
 @lru_cache(maxsize=1024)
-def _weights(vehicle: VehicleModel, period_s: float, lead_s: float, thrust_lead_s: float) -> _Weights:
+def _weights(vehicle: VehicleModel, period_s: float, lead_s: float, thrust_lead_s: float) -> Weights:
     horizon = vehicle.mocap_age_s + vehicle.setpoint_delay_s + lead_s
     lag = second_order(vehicle.attitude_bandwidth_radps, vehicle.attitude_damping)
     systems = (lag, lag, first_order(vehicle.thrust_lag_s))
@@ -161,7 +165,7 @@ def _weights(vehicle: VehicleModel, period_s: float, lead_s: float, thrust_lead_
         return [*(_span(system, horizon, row, *span) for span in spans), end[row, 2], end[row, 3]]
 
     axes = list(zip(systems, (across, across, upward), strict=True))
-    return _Weights(horizon, np.array([[of_axis(row, *axis) for axis in axes] for row in (0, 1)]))
+    return Weights(horizon, np.array([[of_axis(row, *axis) for axis in axes] for row in (0, 1)]))
 
 
 def _command_spans(known_s: float, lead_s: float, period_s: float, count: int) -> list[tuple[float, float]]:

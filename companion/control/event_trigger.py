@@ -42,8 +42,7 @@ def trigger_step(state: TriggerState, u_bar: Array, gains: EtnnGains, dt_s: floa
     (kappa,), (started,) = columns(state.kappa), columns(state.started)
     worst, least = maximum(maximum(x, y), z), minimum(minimum(x, y), z)
     quiet = (kappa + gains.delta * (gains.sigma - worst) >= 0.0) & (started > 0.0)
-    if gains.every_cycle:
-        quiet = quiet & False
+    quiet = quiet & (gains.every_cycle ^ True)
     slack = gains.sigma - where(quiet, least, 0.0)  # the largest sigma - |e_j|
     kappa = kappa + dt_s * (slack - kappa)
     u = where(quiet, state.held, u_bar)

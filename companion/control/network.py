@@ -5,7 +5,7 @@ import numpy as np
 from companion.control.gains import EtnnGains
 from companion.core.types import Array, Scalar
 from companion.core.values import value
-from companion.geometry.array_math import any_true, math_module
+from companion.geometry.array_math import any_true, by_axis, dot, math_module, maximum, minimum, times, where
 
 
 @value
@@ -39,10 +39,7 @@ def with_bias(state: NetworkState, f_hat: Array, gains: EtnnGains) -> NetworkSta
 def hidden_layer(state: NetworkState, velocity_ref: Array) -> tuple[Array, Array]:
     """Return the input x_d = [p_d'; 1], (..., N_0+1), and activations phi = [sigmoid(V_0'x_d); 1], (..., N_1+1)."""
     x_d = _with_one(velocity_ref)
-    inner = _times(x_d, state.v0)
-    if inner.ndim == 1:
-        return x_d, np.array([*map(_sigmoid, inner.tolist()), 1.0])
-    return x_d, _with_one(np.asarray(_sigmoid(inner)))
+    return x_d, _with_one(by_axis(_sigmoid, times(_transposed(state.v0), x_d)))
 
 
 def _sigmoid(inner: Scalar) -> Scalar:
@@ -50,33 +47,25 @@ def _sigmoid(inner: Scalar) -> Scalar:
     return 0.5 + 0.5 * math_module(inner).tanh(0.5 * inner)
 
 
-def _times(row: Array, matrix: Array) -> Array:
-    """Return (..., n) times (..., n, m), shape (..., m); a matrix of one vehicle takes numpy's fastest call."""
-    return np.asarray(row.dot(matrix) if matrix.ndim == 2 else np.matmul(row[..., None, :], matrix)[..., 0, :])
-
-
-def _rows_with(matrix: Array, vector: Array) -> Array:
-    """Return (..., n, m) times (..., m), shape (..., n)."""
-    return np.asarray(matrix.dot(vector) if matrix.ndim == 2 else np.vecdot(matrix, vector[..., None, :]))
+def _transposed(matrix: Array) -> Array:
+    return np.swapaxes(matrix, -1, -2)
 
 
 def _outer(a: Array, b: Array) -> Array:
     """Return a b' of (..., n) and (..., m), shape (..., n, m)."""
-    return np.asarray(a[:, None].dot(b[None, :]) if a.ndim == b.ndim == 1 else a[..., :, None] * b[..., None, :])
+    return np.asarray(a[..., :, None] * b[..., None, :])
 
 
 def _with_one(vector: Array) -> Array:
     """Append the constant 1 that carries the bias."""
-    if vector.ndim == 1:
-        return np.array([*vector.tolist(), 1.0])
-    extended = np.ones((*vector.shape[:-1], vector.shape[-1] + 1))
+    extended = np.ones((*vector.shape[:-1], vector.shape[-1] + 1), dtype=vector.dtype)
     extended[..., :-1] = vector
     return extended
 
 
 def output(state: NetworkState, phi: Array) -> Array:
     """Return f_hat = V_1' phi (m/s^2), eq. DNN:fd:hat, shape (..., 3)."""
-    return _times(phi, state.v1)
+    return times(_transposed(state.v1), phi)
 
 
 def network_step(state: NetworkState, x_d: Array, phi: Array, y2: Array, gains: EtnnGains, dt_s: float) -> NetworkState:
@@ -84,7 +73,7 @@ def network_step(state: NetworkState, x_d: Array, phi: Array, y2: Array, gains: 
     rate1 = _outer(gains.gamma_v1 * phi, y2)
     # phi' is (N_1+1, N_1) with a zero last row (the bias does not depend on its input): only the first N_1 rows count
     slope = phi[..., :-1] * (1.0 - phi[..., :-1])
-    back = slope * _rows_with(state.v1[..., :-1, :], y2)
+    back = slope * times(state.v1[..., :-1, :], y2)
     rate0 = _outer(gains.gamma_v0 * x_d, back)
     v1 = bounded_step(state.v1, rate1, gains.gamma_v1, gains.v1_max, gains.projection_band, dt_s)
     v0 = bounded_step(state.v0, rate0, gains.gamma_v0, gains.v0_max, gains.projection_band, dt_s)
@@ -98,14 +87,14 @@ def project(weights: Array, rate: Array, gamma: Array, bound: float, band: float
     is returned as it is; else its Gamma-weighted outward part is removed in the proportion h, wholly at the boundary
     (Lavretsky and Gibson, "Projection operator in adaptive systems", 2011). `gamma` is diag(Gamma).
     """
-    excess = ((1.0 + band) * _square(weights) - bound**2) / (band * bound**2)
-    outward = (weights * rate).sum(axis=(-2, -1), keepdims=True)
+    excess = ((1.0 + band) * _inner(weights, weights) - bound * bound) / (band * (bound * bound))
+    outward = _inner(weights, rate)
     active = (excess > 0.0) & (outward > 0.0)
     if not any_true(active):
         return rate
     weighted = gamma[..., :, None] * weights
-    scale = (weights * weighted).sum(axis=(-2, -1), keepdims=True)
-    return np.where(active, rate - excess * outward / np.where(scale > 0.0, scale, 1.0) * weighted, rate)
+    scale = _inner(weights, weighted)
+    return where(active, rate - excess * outward / where(scale > 0.0, scale, 1.0) * weighted, rate)
 
 
 def bounded_step(weights: Array, rate: Array, gamma: Array, bound: float, band: float, dt_s: float) -> Array:
@@ -114,17 +103,16 @@ def bounded_step(weights: Array, rate: Array, gamma: Array, bound: float, band: 
     A free step that ends where the projection is inactive needs neither: it began there or points inwards.
     """
     free = np.asarray(weights + dt_s * rate)
-    if not any_true((1.0 + band) * _square(free) > bound**2):
+    near = (1.0 + band) * _inner(free, free) > bound * bound
+    if not any_true(near):
         return free
     moved = weights + dt_s * project(weights, rate, gamma, bound, band)
-    size = np.sqrt((moved * moved).sum(axis=(-2, -1), keepdims=True))
-    return np.asarray(moved * np.minimum(1.0, bound / np.maximum(size, 1e-300)))
+    square = _inner(moved, moved)
+    size = math_module(square).sqrt(square)
+    return where(near, np.asarray(moved * minimum(1.0, bound / maximum(size, 1e-300))), free)
 
 
-def _square(weights: Array) -> Scalar:
-    """Return the squared Frobenius norm: a float, (..., 1, 1) for a batch."""
-    if weights.ndim == 2:
-        flat = weights.ravel()
-        return float(flat.dot(flat))
-    flat = weights.reshape(*weights.shape[:-2], -1)
-    return np.asarray(np.vecdot(flat, flat)[..., None, None])
+def _inner(a: Array, b: Array) -> Scalar:
+    """Return the sum of the products of all elements (Frobenius): a float, (..., 1, 1) for a batch."""
+    total = dot(a.reshape(*a.shape[:-2], -1), b.reshape(*b.shape[:-2], -1))
+    return total[..., None, None] if isinstance(total, np.ndarray) else total

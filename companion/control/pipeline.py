@@ -149,17 +149,7 @@ class ControlPipeline:
         In a batch `age_s` is a float or (..., 1), the reference one for all, (3,) and a float, or (..., 3) and (...,).
         Between events the setpoint of the law stays, and the rate limits continue towards it.
         """
-        now = ControlInput(
-            position_w_m=vehicle.position_w_m,
-            velocity_w_mps=vehicle.velocity_w_mps,
-            q_w_flu_wxyz=vehicle.q_w_flu_wxyz,
-            rate_flu_radps=vehicle.rate_flu_radps,
-            age_s=age_s,
-            reference=ahead,
-            sent_accel_w_mps2=accel_of_setpoint(sent, self._model) + self._sent_arm_accel_w_mps2,
-            dt_s=dt_s,
-            known_accel_w_mps2=known_accel_w_mps2,
-        )
+        now = self._given(vehicle, age_s, ahead, sent, dt_s, known_accel_w_mps2)
         self._sent_arm_accel_w_mps2 = known_accel_w_mps2
         begun = self._memory is None
         output = self._decide(now)
@@ -174,6 +164,27 @@ class ControlPipeline:
         else:
             limited = self._guard.check(self._law_setpoint, sent, vehicle, float(age_s), dt_s, output.age_s)
         return PipelineOutput(ahead, output, limited, now, begun, is_new)
+
+    def _given(
+        self,
+        vehicle: VehicleState,
+        age_s: Scalar,
+        ahead: Reference,
+        sent: AttitudeThrust,
+        dt_s: float,
+        known_accel_w_mps2: Array,
+    ) -> ControlInput:
+        return ControlInput(
+            position_w_m=vehicle.position_w_m,
+            velocity_w_mps=vehicle.velocity_w_mps,
+            q_w_flu_wxyz=vehicle.q_w_flu_wxyz,
+            rate_flu_radps=vehicle.rate_flu_radps,
+            age_s=age_s,
+            reference=ahead,
+            sent_accel_w_mps2=accel_of_setpoint(sent, self._model) + self._sent_arm_accel_w_mps2,
+            dt_s=dt_s,
+            known_accel_w_mps2=known_accel_w_mps2,
+        )
 
     def _latest(self, output: ControlOutput, yaw_rad: Scalar) -> tuple[AttitudeThrust, Flag]:
         """Return the law's setpoint: a new one where there is an event or the heading has turned, else the held one."""

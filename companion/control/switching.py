@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from companion.core.types import Array, Scalar
-from companion.geometry.array_math import math_module, maximum, minimum, where
+from companion.geometry.array_math import any_true, math_module, maximum, minimum, where
 
 
 def squared(s: Array) -> Scalar:
@@ -18,24 +18,23 @@ def squared(s: Array) -> Scalar:
     if s.ndim > 1:
         return np.asarray(np.vecdot(s, s)[..., None])
     x, y, z = s.tolist()
-    return float(x * x + y * y + z * z)
+    square: Scalar = x * x + y * y + z * z
+    return square
 
 
 def fractional_factor(square: Scalar, p: Scalar, regularisation: Scalar = 0.0) -> Scalar:
     """Return 1 / (s's + e)^(1-p) from `square` = s's, shape as given: the factor of s in the fractional powers."""
     base = square + regularisation
-    if not _is_on(regularisation):
-        base = where(base > 0.0, base, 1.0)
-    return base ** (p - 1.0)
+    return where(base > 0.0, base, 1.0) ** (p - 1.0)
 
 
 def switch_factor(square: Scalar, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.0) -> Scalar:
     """Return the factor of s in Theta(s), from `square` = s's, shape as given."""
-    factor = fractional_factor(square, p, regularisation)
-    if _is_on(regularisation):
+    factor, printed = fractional_factor(square, p, regularisation), (regularisation > 0.0) ^ True
+    if not any_true(printed):
         return factor
     share = minimum(square / epsilon, 1.0)
-    return factor * math_module(share).sin(share * (0.5 * math.pi)) ** 2
+    return where(printed, factor * math_module(share).sin(share * (0.5 * math.pi)) ** 2, factor)
 
 
 def switch_map(s: Array, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.0) -> Array:
@@ -44,11 +43,6 @@ def switch_map(s: Array, p: Scalar, epsilon: Scalar, regularisation: Scalar = 0.
     With a regularisation there is no singularity to fade, so the plain regularised power is returned.
     """
     return np.asarray(s * switch_factor(squared(s), p, epsilon, regularisation))
-
-
-def _is_on(departure: Scalar) -> bool:
-    """Return True if a departure from the print is enabled for any vehicle."""
-    return bool(np.any(departure > 0.0)) if isinstance(departure, np.ndarray) else departure > 0.0
 
 
 def steepest_secant(p: float, epsilon: float, regularisation: float) -> float:
@@ -62,6 +56,5 @@ def steepest_secant(p: float, epsilon: float, regularisation: float) -> float:
 
 def sign(y: Scalar, boundary_layer: Scalar = 0.0) -> Scalar:
     """Return sgn(y) of eq. ETC-law for components or whole vectors, sgn(0) = 0; with a layer clip(y/layer, -1, 1)."""
-    if not _is_on(boundary_layer):
-        return np.sign(y) if isinstance(y, np.ndarray) else float((y > 0.0) - (y < 0.0))
-    return minimum(maximum(y / maximum(boundary_layer, 1e-9), -1.0), 1.0)
+    soft = minimum(maximum(y / maximum(boundary_layer, 1e-9), -1.0), 1.0)
+    return where(boundary_layer > 0.0, soft, where(y > 0.0, 1.0, where(y < 0.0, -1.0, 0.0 * y)))

@@ -1,20 +1,20 @@
 """Estimator of the vehicle's state at capture time from motion-capture frames, with a verdict on every frame."""
 
 from dataclasses import replace
-from math import acos, hypot, inf, isfinite, sqrt
+from math import acos, hypot, inf, isfinite
 from operator import mul, sub
 from typing import NamedTuple
 
 import numpy as np
 
-from companion.core.types import Array, MocapFrame, VehicleState
+from companion.core.types import Array, MocapFrame, Scalar, VehicleState
 from companion.estimation import attitude as att
 from companion.estimation import kalman, others
 from companion.estimation.attitude import Attitude
 from companion.estimation.clock_sync import ClockSync, is_ahead, observe, to_local_s
 from companion.estimation.kalman import Covariance, Motion
 from companion.estimation.state import Counts, EstimatorParams, EstimatorState, Verdict
-from companion.geometry.array_math import Components
+from companion.geometry.array_math import Components, math_module
 
 __all__ = ["Counts", "EstimatorParams", "EstimatorState", "Verdict", "age_s", "first_covariances", "step"]
 
@@ -115,10 +115,18 @@ def _possible(
     off_m: float, turn_rad: float, motion: Motion, attitude: Attitude, dt_s: float, params: EstimatorParams
 ) -> bool:
     """Return True if the innovation is within noise, uncertainty (3 sigma) and the airframe's abilities in `dt_s`."""
-    half = 0.5 * dt_s * dt_s
-    gate_m = params.gate_m + params.max_accel_mps2 * half + 3.0 * sqrt(motion.covariance.pp)
-    gate_rad = params.gate_rad + params.max_turn_radps2 * half + 3.0 * sqrt(attitude.covariance.pp)
-    return off_m <= gate_m and turn_rad <= gate_rad
+    gate_m, gate_rad = gates(motion, attitude, dt_s, params)
+    return bool(off_m <= gate_m and turn_rad <= gate_rad)
+
+
+def gates(motion: Motion, attitude: Attitude, dt_s: Scalar, params: EstimatorParams) -> tuple[Scalar, Scalar]:
+    """Return the largest innovations (m, rad) that are possible `dt_s` after the last accepted frame."""
+    half, pp, turn_pp = 0.5 * dt_s * dt_s, motion.covariance.pp, attitude.covariance.pp
+    m = math_module(pp)
+    return (
+        params.gate_m + params.max_accel_mps2 * half + 3.0 * m.sqrt(pp),
+        params.gate_rad + params.max_turn_radps2 * half + 3.0 * m.sqrt(turn_pp),
+    )
 
 
 def _continues_outlier(state: EstimatorState, pose: Pose, off: tuple[float, float], params: EstimatorParams) -> bool:

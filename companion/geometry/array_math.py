@@ -1,17 +1,21 @@
-"""Component-wise maths, so that one formula serves one vehicle and a batch of vehicles.
+"""Component-wise maths, so that one formula serves one vehicle, a batch of vehicles, and the compiler.
 
 Components of one vehicle are Python floats: a tenth of the cost of numpy calls on single numbers. Those of a batch are
-arrays over its leading axes. Floats propagate NaN as numpy does, which Python's own min and max do not. Functions are
-named as numpy's where numpy has them.
+arrays over its leading axes. Traced numbers (`traced`) are components of one vehicle that write the formula down; its
+vectors are then arrays of objects. Floats propagate NaN as numpy does, which Python's own min and max do not. Functions
+are named as numpy's where numpy has them.
+
+Sums of products of one vehicle are added from the first to the last: numpy leaves the order to the processor.
 """
 
 import math
 from collections.abc import Callable, Iterable
-from typing import Protocol, TypeVar, cast, overload
+from typing import Any, Protocol, TypeVar, cast, overload
 
 import numpy as np
 
 from companion.core.types import Array, Flag, Scalar
+from companion.geometry.traced import TRACED_MATHS, Traced
 
 Components = tuple[float, ...] | Array
 """Vector as a tuple of floats for one vehicle, as an array (..., n) for a batch."""
@@ -28,6 +32,7 @@ class MathModule(Protocol):
     sqrt: Callable[[Scalar], Scalar]
     sin: Callable[[Scalar], Scalar]
     cos: Callable[[Scalar], Scalar]
+    tan: Callable[[Scalar], Scalar]
     atan: Callable[[Scalar], Scalar]
     atan2: Callable[[Scalar, Scalar], Scalar]
     exp: Callable[[Scalar], Scalar]
@@ -40,11 +45,14 @@ absolute = cast(Callable[[Scalar], Scalar], abs)
 """Size of a number; Python's own abs, with the type of a component."""
 
 _MATH, _NUMPY = cast(MathModule, math), cast(MathModule, np)
+_TRACED: type[Any] = Traced  # to the type checker a traced number is a float: formulas do not tell them apart
 
 
 def math_module(component: Scalar) -> MathModule:
     """Return the module, math or numpy, whose sqrt, sin, atan2, ... fit this component."""
-    return _NUMPY if isinstance(component, np.ndarray) else _MATH
+    if isinstance(component, np.ndarray):
+        return _NUMPY
+    return cast(MathModule, TRACED_MATHS) if isinstance(component, _TRACED) else _MATH
 
 
 def unstack(vector: Array) -> list[Scalar]:
@@ -90,7 +98,7 @@ def column(component: Scalar | Flag) -> Scalar | Flag:
 
 def item(scalar: Array) -> Scalar:
     """Return a scalar of one vehicle, shape (), as a float; one of a batch, shape (...), unchanged."""
-    return scalar if scalar.ndim else scalar.item()
+    return scalar if isinstance(scalar, _TRACED) or scalar.ndim else scalar.item()
 
 
 def by_axis(formula: Formula, first: Array, *others: Array) -> Array:
@@ -119,7 +127,41 @@ def along_axes(formula: Formulas, first: Components, *others: Components) -> Ite
 
 def dot(a: Array, b: Array) -> Scalar:
     """Return the scalar product along the last axis: a float for shape (n,), (...) for (..., n)."""
-    return float(a.dot(b)) if a.ndim == b.ndim == 1 else np.asarray(np.vecdot(a, b))
+    return _summed(a.tolist(), b.tolist()) if a.ndim == b.ndim == 1 else np.asarray(np.vecdot(a, b))
+
+
+def length(vector: Array) -> Scalar:
+    """Return the Euclidean length along the last axis: a float for shape (n,), (...) for (..., n)."""
+    if vector.ndim > 1:
+        return np.asarray(np.sqrt(np.vecdot(vector, vector)))
+    components = vector.tolist()
+    return cast(Scalar, Traced.of("norm", *components)) if _is_traced(vector) else math.hypot(*components)
+
+
+def _is_traced(vector: Array) -> bool:
+    return vector.dtype == object
+
+
+def dots(a: Array, b: Array) -> Array:
+    """Return the scalar products of row after row of two matrices (..., n, m), shape (..., n)."""
+    if a.ndim > 2 or b.ndim > 2:
+        return np.asarray(np.vecdot(a, b))
+    return np.array([*map(_summed, a.tolist(), b.tolist())])
+
+
+def times(matrix: Array, vector: Array) -> Array:
+    """Return (..., n, m) times (..., m), shape (..., n)."""
+    if matrix.ndim > 2 or vector.ndim > 1:
+        return np.asarray(np.vecdot(matrix, vector[..., None, :]))
+    row = vector.tolist()
+    return np.array([_summed(column, row) for column in matrix.tolist()])
+
+
+def _summed(a: list[Scalar], b: list[Scalar]) -> Scalar:
+    total: Scalar = 0.0
+    for x, y in zip(a, b, strict=True):
+        total = total + x * y
+    return total
 
 
 @overload
@@ -130,7 +172,12 @@ def where(condition: Flag, if_true: Scalar, if_false: Scalar) -> Scalar:
     """Return `if_true` where `condition` holds, else `if_false`: np.where for a batch."""
     if isinstance(condition, np.ndarray):
         return np.where(condition, if_true, if_false)
+    if isinstance(condition, _TRACED):
+        return _traced_where(condition, if_true, if_false)
     return if_true if condition else if_false
+
+
+_traced_where = cast(Callable[..., Scalar], np.frompyfunc(lambda *operands: Traced.of("where", *operands), 3, 1))
 
 
 def where_each(condition: Flag, if_true: Value, if_false: Value) -> Value:
@@ -144,7 +191,9 @@ def where_each(condition: Flag, if_true: Value, if_false: Value) -> Value:
 
 
 def any_true(condition: Flag) -> bool:
-    """Return True if the condition holds for any vehicle."""
+    """Return True if the condition holds for any vehicle; of a traced one it may."""
+    if isinstance(condition, _TRACED):
+        return True
     return bool(condition.any() if isinstance(condition, np.ndarray) else condition)
 
 
@@ -152,6 +201,8 @@ def maximum(a: Scalar, b: Scalar) -> Scalar:
     """Return the larger of both; NaN if either is NaN."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return np.maximum(a, b)
+    if isinstance(a, _TRACED) or isinstance(b, _TRACED):
+        return cast(Scalar, Traced.of("max", a, b))
     return a if a >= b or math.isnan(a) else b
 
 
@@ -159,4 +210,6 @@ def minimum(a: Scalar, b: Scalar) -> Scalar:
     """Return the smaller of both; NaN if either is NaN."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
         return np.minimum(a, b)
+    if isinstance(a, _TRACED) or isinstance(b, _TRACED):
+        return cast(Scalar, Traced.of("min", a, b))
     return a if a <= b or math.isnan(a) else b

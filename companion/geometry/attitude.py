@@ -51,7 +51,7 @@ def limit_tilt(accel_w_mps2: Array, max_tilt_rad: float, gravity_mps2: float) ->
     climb.
     """
     x, y, z = unstack(accel_w_mps2)
-    most = math.tan(max_tilt_rad) * maximum(z + gravity_mps2, 0.0)
+    most = math_module(max_tilt_rad).tan(max_tilt_rad) * maximum(z + gravity_mps2, 0.0)
     size = math_module(x).sqrt(x * x + y * y)
     if not any_true(size > most):
         return accel_w_mps2
@@ -105,9 +105,11 @@ def normalised_thrust(collective_n: Scalar, model: ThrustModel) -> Scalar:
     """Return the thrust 0..1 (unclipped above) whose force is `collective_n`, float or (...,); negative ones give 0."""
     ratio = maximum(collective_n, 0.0) / model.max_force_n
     f = model.curve
-    if f < 1e-9:
+    linear = f < 1e-9
+    if linear is True:
         return ratio
-    return (math_module(ratio).sqrt((1.0 - f) ** 2 + 4.0 * f * ratio) - (1.0 - f)) / (2.0 * f)
+    curved = (math_module(ratio).sqrt((1.0 - f) ** 2 + 4.0 * f * ratio) - (1.0 - f)) / (2.0 * maximum(f, 1e-9))
+    return where(linear, ratio, curved)
 
 
 @overload

@@ -11,7 +11,7 @@ from typing import cast
 import numpy as np
 
 from companion.core.types import Array, Scalar, Vec3
-from companion.geometry.array_math import absolute, math_module, maximum, stack, unstack, where
+from companion.geometry.array_math import absolute, math_module, maximum, stack, unstack, where, where_each
 
 Quat = tuple[Scalar, Scalar, Scalar, Scalar]
 _FLIP = np.array([1.0, -1.0, -1.0])
@@ -100,23 +100,22 @@ def quat_from_matrix(rotation: Array) -> Array:
     Takes the largest of the four squared components as the divisor (Shepperd's method), so no direction
     is singular.
     """
-    m00, m01, m02, m10, m11, m12, m20, m21, m22 = np.moveaxis(rotation.reshape(*rotation.shape[:-2], 9), -1, 0)
+    m00, m01, m02, m10, m11, m12, m20, m21, m22 = unstack(rotation.reshape(*rotation.shape[:-2], 9))
     skew_x, skew_y, skew_z = m21 - m12, m02 - m20, m10 - m01
     sum_xy, sum_xz, sum_yz = m01 + m10, m02 + m20, m12 + m21
-    candidates = np.stack(
-        (
-            *(1 + m00 + m11 + m22, skew_x, skew_y, skew_z),
-            *(skew_x, 1 + m00 - m11 - m22, sum_xy, sum_xz),
-            *(skew_y, sum_xy, 1 - m00 + m11 - m22, sum_yz),
-            *(skew_z, sum_xz, sum_yz, 1 - m00 - m11 + m22),
-        ),
-        axis=-1,
-    ).reshape(*rotation.shape[:-2], 4, 4)
-    squares = np.stack((m00 + m11 + m22, m00 - m11 - m22, m11 - m00 - m22, m22 - m00 - m11), axis=-1)
-    best = np.argmax(squares, axis=-1)[..., None, None]
-    q = np.take_along_axis(candidates, best, axis=-2)[..., 0, :]
-    q = q / np.sqrt((q * q).sum(axis=-1, keepdims=True))
-    return np.asarray(np.where(q[..., :1] < 0.0, -q, q))
+    candidates = (
+        (m00 + m11 + m22, (1 + m00 + m11 + m22, skew_x, skew_y, skew_z)),
+        (m00 - m11 - m22, (skew_x, 1 + m00 - m11 - m22, sum_xy, sum_xz)),
+        (m11 - m00 - m22, (skew_y, sum_xy, 1 - m00 + m11 - m22, sum_yz)),
+        (m22 - m00 - m11, (skew_z, sum_xz, sum_yz, 1 - m00 - m11 + m22)),
+    )
+    best = candidates[0]
+    for candidate in candidates[1:]:
+        best = where_each(candidate[0] > best[0], candidate, best)
+    _, (w, x, y, z) = best
+    size = math_module(w).sqrt(w * w + x * x + y * y + z * z)
+    size = where(w < 0.0, -size, size)
+    return stack(w / size, x / size, y / size, z / size)
 
 
 def up_axis(q_w_flu_wxyz: Array) -> Array:

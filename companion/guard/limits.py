@@ -16,6 +16,7 @@ from companion.geometry.array_math import (
     column,
     dot,
     item,
+    length,
     math_module,
     maximum,
     minimum,
@@ -102,24 +103,25 @@ def _clip(value: Scalar, low: Scalar, high: Scalar) -> Scalar:
 def _valid_or_last(setpoint: AttitudeThrust, last: AttitudeThrust) -> tuple[Array, Scalar, Flag]:
     """Return unit quaternion (..., 4), thrust, and where they were not valid, (...,): there `last` replaces them."""
     q, thrust = setpoint.q_w_flu_wxyz, item(setpoint.thrust)
-    length = _length(q)
-    usable = (absolute(length - 1.0) < 1e-3) & math_module(thrust).isfinite(thrust)
+    size = _length(q)
+    usable = (absolute(size - 1.0) < 1e-3) & math_module(thrust).isfinite(thrust)
     bad = usable ^ True  # "not", of a truth value and of an array
     if not any_true(bad):
-        return q / column(length), thrust, bad
+        return q / column(size), thrust, bad
     safe_q = where(column(bad), last.q_w_flu_wxyz, q)
     return safe_q / column(_length(safe_q)), where(bad, item(last.thrust), thrust), bad
 
 
 def _length(q: Array) -> Scalar:
     if q.ndim == 1:
-        return math.hypot(*q.tolist())
+        return length(q)
     with np.errstate(invalid="ignore", over="ignore"):
-        return np.sqrt(dot(q, q))
+        return length(q)
 
 
 def _slew_attitude(q: Array, last: Array, max_turn_rad: float) -> tuple[Array, Flag]:
-    far = absolute(dot(last, q)) <= math.cos(min(0.5 * max_turn_rad, 0.5 * math.pi)) + _CLEARLY
+    half_rad = minimum(0.5 * max_turn_rad, 0.5 * math.pi)
+    far = absolute(dot(last, q)) <= math_module(half_rad).cos(half_rad) + _CLEARLY
     if not any_true(far):
         return q, far
     vector = rotation_vector_from_quat(quat_multiply(quat_conjugate(last), q))
@@ -137,7 +139,8 @@ def inside_cone(q: Array, max_tilt_rad: float) -> tuple[Array, Flag]:
     Returns unit quaternions (..., 4) that tilt by `max_tilt_rad` at most, and where one was cut, (...,).
     """
     x, y, z = up_axis_parts(q)
-    beyond = z <= math.cos(min(max_tilt_rad, math.pi)) + _CLEARLY
+    most_rad = minimum(max_tilt_rad, math.pi)
+    beyond = z <= math_module(most_rad).cos(most_rad) + _CLEARLY
     if not any_true(beyond):
         return q, beyond
     m = math_module(z)

@@ -22,6 +22,7 @@ from companion.estimation.estimator import EstimatorParams, EstimatorState
 from companion.geometry.attitude import ThrustModel
 from companion.geometry.frames import flip_yz, matrix_from_quat, turned
 from companion.guard.limits import Limits
+from companion.simulation import compiled_flight
 from companion.simulation.mission import Mission
 from companion.simulation.virtual_ground import GroundFlight, GroundRole, HeldCommand
 from companion.simulation.virtual_link_ends import Messages
@@ -86,7 +87,41 @@ def simulate(
     keep_signals: bool = False,
     progress: Callable[[int], None] | None = None,
 ) -> Trace:
-    """Fly a mission from a level hover; `seeds` has one entry per vehicle. `progress` is called with each cycle."""
+    """Fly a mission from a level hover; `seeds` has one entry per vehicle. `progress` is called with each cycle.
+
+    The compiled loop flies what it can, with the same numbers; Python flies the rest, and whatever keeps its signals.
+    """
+    rows = None if keep_signals else compiled_flight.fly(pilot, vehicle, mission, seeds, progress)
+    if rows is not None:
+        return _trace_of(rows, mission)
+    return simulate_in_python(pilot, vehicle, mission, seeds, keep_signals=keep_signals, progress=progress)
+
+
+def _trace_of(rows: Array, mission: Mission) -> Trace:
+    """Return the result of compiled flights; see `compiled_flight.fly` for the rows."""
+    columns, now = np.moveaxis(rows, 0, 1) if mission.lead else rows[0], mission.now
+    return Trace(
+        time_s=mission.time_s,
+        position_w_m=columns[..., 0:3],
+        velocity_w_mps=columns[..., 3:6],
+        reference_w_m=now.position_w_m,
+        reference_velocity_w_mps=now.velocity_w_mps,
+        accel_w_mps2=columns[..., 6:9],
+        event=columns[..., 9] != 0.0,
+        sent=columns[..., 10] != 0.0,
+    )
+
+
+def simulate_in_python(
+    pilot: Pilot,
+    vehicle: VirtualVehicle,
+    mission: Mission,
+    seeds: Sequence[int],
+    *,
+    keep_signals: bool = False,
+    progress: Callable[[int], None] | None = None,
+) -> Trace:
+    """Fly as `simulate` does, without compiled code."""
     count, lead = len(mission.time_s), mission.lead
     world = VirtualWorld(vehicle, mission.now.position_w_m[0], seeds, count, pilot.period_s)
     eyes: _Eyes = _Batch(pilot) if lead else _One(pilot)

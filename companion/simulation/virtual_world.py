@@ -87,7 +87,7 @@ class VirtualWorld:
         self._per_cycle = round(period_s / STEP_S)
         self._steps = 0
         self._all = np.ones(self._lead, dtype=bool)
-        self._report_age_s = np.asarray(_steps(vehicle.report_delay_s) * STEP_S)
+        self._report_age_s = np.asarray(steps_of(vehicle.report_delay_s) * STEP_S)
         self._draw(seeds, cycles)
         self._body = self._begun(start_w_m + vehicle.offset_w_m)
 
@@ -95,12 +95,12 @@ class VirtualWorld:
         v, arms = self._vehicle, self._vehicle.arms
         begin = Begin(
             params=v.plant,
-            state=_hovering(start_w_m, v.plant),
-            signal=_hover_signal(v.plant, self._lead),
-            mocap_delay=_steps(v.mocap_delay_s),
-            attitude_delay=_steps(v.attitude_delay_s),
-            thrust_delay=_steps(v.thrust_delay_s),
-            report_delay=_steps(v.report_delay_s),
+            state=hovering(start_w_m, v.plant),
+            signal=hover_signal(v.plant, self._lead),
+            mocap_delay=steps_of(v.mocap_delay_s),
+            attitude_delay=steps_of(v.attitude_delay_s),
+            thrust_delay=steps_of(v.thrust_delay_s),
+            report_delay=steps_of(v.report_delay_s),
             attitude_error_rad=self._attitude_error_rad,
             coupling=None
             if arms is None
@@ -162,12 +162,12 @@ class VirtualWorld:
             self._steps += 1
 
 
-def _steps(delay_s: Each) -> NDArray[np.int64]:
+def steps_of(delay_s: Each) -> NDArray[np.int64]:
     """Return a delay in whole steps of the plant."""
     return np.rint(np.asarray(delay_s) / STEP_S).astype(np.int64)
 
 
-def _hover_signal(params: PlantParams, lead: tuple[int, ...]) -> Array:
+def hover_signal(params: PlantParams, lead: tuple[int, ...]) -> Array:
     """Return the motor signal that carries the weight, (...,)."""
     share = np.asarray(params.mass_kg) * GRAVITY_MPS2 / np.asarray(params.max_thrust_n)
     c = np.asarray(params.motor_curve)
@@ -175,7 +175,8 @@ def _hover_signal(params: PlantParams, lead: tuple[int, ...]) -> Array:
     return np.broadcast_to(np.where(c > 0.0, curved, share), lead)
 
 
-def _hovering(start_w_m: Array, params: PlantParams) -> PlantState:
+def hovering(start_w_m: Array, params: PlantParams) -> PlantState:
+    """Return the state of vehicles (...,) that hover here, level and still."""
     truth = plant.at_rest(flip_yz(start_w_m))
     weight_n = np.broadcast_to(np.asarray(params.mass_kg) * GRAVITY_MPS2, truth.thrust_n.shape)
     return replace(truth, thrust_n=np.array(weight_n), on_ground=np.zeros_like(truth.on_ground))

@@ -75,18 +75,28 @@ def force_series(forces: Forces, rngs: Sequence[np.random.Generator], dt_s: floa
 
     Each vehicle draws its own noise from its generator, as a Disturbance with it would; all else is the same for all.
     """
-    keep = math.exp(-dt_s / forces.noise_time_s)
-    fresh = np.array(forces.noise_n) * math.sqrt(1.0 - keep**2)
+    keep, fresh = noise_of(forces, dt_s)
     noise = np.stack([_draws(rng, steps) for rng in rngs], axis=1) * fresh
     for before, now in pairwise(noise):
         now += keep * before  # noqa: PLW2901 - in place
+    noise += steady_series(forces, dt_s, steps)[:, None]
+    return noise
+
+
+def noise_of(forces: Forces, dt_s: float) -> tuple[float, Array]:
+    """Return the share of the noise that a step keeps, and the deviation (N) of what it adds, (3,)."""
+    keep = math.exp(-dt_s / forces.noise_time_s)
+    return keep, np.array(forces.noise_n) * math.sqrt(1.0 - keep**2)
+
+
+def steady_series(forces: Forces, dt_s: float, steps: int) -> Array:
+    """Return the force that is no noise (N, NED, (steps, 3))."""
     time_s = np.arange(1, steps + 1) * dt_s
     steady = np.tile(forces.constant_ned_n, (steps, 1))
     for wave in forces.sinusoids:
         swing = np.sin(2.0 * math.pi * time_s / wave.period_s + wave.phase_rad)
         steady += swing[:, None] * np.array(wave.amplitude_ned_n)
-    noise += steady[:, None]
-    return noise
+    return steady
 
 
 def _draws(rng: np.random.Generator, steps: int) -> Array:

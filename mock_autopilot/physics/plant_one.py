@@ -4,14 +4,14 @@ The equations are plant.py's, term by term; tests/mock_autopilot/physics/test_pl
 rounding. To take many steps, keep the state in floats (`OneState`, `moved`); `step` takes and returns arrays.
 """
 
-import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
 from mock_autopilot.physics import quaternion_one as quat
+from mock_autopilot.physics.components import is_anywhere, maths, where, where_each
 from mock_autopilot.physics.plant import GRAVITY_MPS2, Actuation, Coefficients, PlantParams, PlantState, Wrench
 from mock_autopilot.physics.quaternion import Array
 from mock_autopilot.physics.quaternion_one import Four, Three
@@ -87,18 +87,20 @@ def moved(state: OneState, asked: OneActuation, force_ned_n: Three, push_frd_rad
     vx, vy, vz = velocity = ux + ax * dt_s, uy + ay * dt_s, uz + az * dt_s
     half_s = 0.5 * dt_s
     place = x + (ux + vx) * half_s, y + (uy + vy) * half_s, z + (uz + vz) * half_s
-    if place[2] >= fixed.ground_z_m and vz >= 0.0:
-        return _standing(state, thrust_n, q, fixed)
-    return OneState(
+    touching = (place[2] >= fixed.ground_z_m) & (vz >= 0.0)
+    flying = OneState(
         position_ned_m=place,
         velocity_ned_mps=velocity,
         q_ned_frd_wxyz=q,
         rate_frd_radps=rate,
         thrust_n=thrust_n,
         acceleration_ned_mps2=acceleration,
-        on_ground=False,
+        on_ground=touching,
         turn_frd_radps2=turn,
     )
+    if not is_anywhere(touching):
+        return flying
+    return cast(OneState, where_each(touching, _standing(state, thrust_n, q, flying, fixed), flying))
 
 
 def in_floats(state: PlantState) -> OneState:
@@ -169,10 +171,11 @@ def _four(values: Array) -> Four:
 
 
 def _wanted_thrust(asked: OneActuation, fixed: Fixed) -> float:
-    if not asked.motors_on or math.isnan(asked.signal):
+    if not asked.motors_on:
         return 0.0
-    s = min(max(asked.signal, 0.0), 1.0)
-    return fixed.max_thrust_n * s * (1.0 - fixed.motor_curve * (1.0 - s))
+    s = where(asked.signal > 0.0, asked.signal, 0.0)  # NaN, too
+    s = where(s < 1.0, s, 1.0)
+    return cast(float, fixed.max_thrust_n * s * (1.0 - fixed.motor_curve * (1.0 - s)))
 
 
 def _attitude(state: OneState, asked: OneActuation, push: Three, fixed: Fixed) -> tuple[Four, Three, Three]:
@@ -224,23 +227,25 @@ def _lift(thrust_n: float, a: Four, b: Four) -> Three:
 
 def _acceleration(velocity: Three, lift: Three, push: Three, fixed: Fixed) -> Three:
     x, y, z = velocity
-    speed = math.sqrt(x * x + y * y + z * z)
+    m = maths(x)
+    speed = m.sqrt(x * x + y * y + z * z)
     (dx, dy, dz), (ex, ey, ez), (cx, cy, cz) = fixed.viscous, fixed.quadratic, fixed.coulomb
     dry, per_kg = fixed.dry_per_mps, fixed.per_kg
     return (
-        (push[0] - (ex * speed + dx) * x - cx * math.tanh(x * dry) - lift[0]) * per_kg,
-        (push[1] - (ey * speed + dy) * y - cy * math.tanh(y * dry) - lift[1]) * per_kg,
-        (push[2] - (ez * speed + dz) * z - cz * math.tanh(z * dry) - lift[2]) * per_kg + GRAVITY_MPS2,
+        (push[0] - (ex * speed + dx) * x - cx * m.tanh(x * dry) - lift[0]) * per_kg,
+        (push[1] - (ey * speed + dy) * y - cy * m.tanh(y * dry) - lift[1]) * per_kg,
+        (push[2] - (ez * speed + dz) * z - cz * m.tanh(z * dry) - lift[2]) * per_kg + GRAVITY_MPS2,
     )
 
 
-def _standing(before: OneState, thrust_n: float, q: Four, fixed: Fixed) -> OneState:
+def _standing(before: OneState, thrust_n: float, q: Four, flying: OneState, fixed: Fixed) -> OneState:
     x, y, _ = before.position_ned_m
     w, _, _, z = q
     ux, uy, uz = before.velocity_ned_mps
     impact = ((0.0 - ux) / fixed.dt_s, (0.0 - uy) / fixed.dt_s, (0.0 - uz) / fixed.dt_s)
-    length = math.sqrt(w * w + z * z)
-    level = (w / length, 0.0, 0.0, z / length) if length > 1e-9 else (1.0, 0.0, 0.0, 0.0)
+    length = maths(w).sqrt(w * w + z * z)
+    upright, size = length > 1e-9, where(length > 1e-9, length, 1.0)
+    level = (where(upright, w / size, 1.0), 0.0, 0.0, where(upright, z / size, 0.0))
     return OneState(
         position_ned_m=(x, y, fixed.ground_z_m),
         velocity_ned_mps=_STILL,
@@ -248,7 +253,7 @@ def _standing(before: OneState, thrust_n: float, q: Four, fixed: Fixed) -> OneSt
         rate_frd_radps=_STILL,
         thrust_n=thrust_n,
         acceleration_ned_mps2=impact,
-        on_ground=True,
+        on_ground=flying.on_ground,
         turn_frd_radps2=_STILL,
     )
 

@@ -17,6 +17,7 @@ from typing import Literal
 
 import numpy as np
 
+from mock_autopilot.physics.components import maths
 from mock_autopilot.physics.quaternion import Array
 from mock_autopilot.physics.quaternion_one import Four
 
@@ -113,7 +114,7 @@ class AttitudeErrorWalk:
 def turn_of(roll_rad: float, pitch_rad: float) -> Four:
     """Return a small error as the quaternion that turns the true attitude into the believed one: q_believed = q e."""
     x, y = 0.5 * roll_rad, 0.5 * pitch_rad
-    per_length = 1.0 / math.sqrt(1.0 + x * x + y * y)
+    per_length = 1.0 / maths(x).sqrt(1.0 + x * x + y * y)
     return per_length, x * per_length, y * per_length, 0.0
 
 

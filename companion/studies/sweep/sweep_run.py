@@ -15,6 +15,7 @@ import numpy as np
 
 import companion
 import mock_autopilot
+from companion.compiled.library import library
 from companion.config.controller_config import LoadedController, controller_path, load_controller
 from companion.config.law_files import is_law_file, law_path
 from companion.config.locations import project_root
@@ -165,7 +166,8 @@ def _digest_of_files(sweep: Sweep) -> str:
     files = [file for package in packages for file in sorted(package.rglob("*.py"))]
     files += [file for file in sorted((project_root() / "config").rglob("*")) if file.is_file()]
     files += [path for name in sweep.experiments if (path := Path(name)).is_file()]
-    return _digest(np.__version__, *(file.read_bytes() for file in files + _controller_files(sweep.controller)))
+    engine = "Python" if library() is None else "compiled"
+    return _digest(np.__version__, engine, *(file.read_bytes() for file in files + _controller_files(sweep.controller)))
 
 
 def _controller_files(name: str) -> list[Path]:

@@ -1,0 +1,225 @@
+/* Flights in virtual time: the loop around the traced functions of traced.c, as simulation/simulation.py runs it. */
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+/* As geometry/array_math.py has them: NaN if either is NaN. */
+static inline double larger(double a, double b) { return a >= b || a != a ? a : b; }
+static inline double smaller(double a, double b) { return a <= b || a != a ? a : b; }
+
+/* The length of a quaternion as Python's math.hypot works it out: scaled, summed with the bits that were lost, and
+   corrected once (Borges, "An improved algorithm for hypot(a,b)", 2019). */
+static void split_square(double x, double sign, double *sum, double *lost)
+{
+    const double t = x * 134217729.0, high = t - (t - x), low = x - high;
+    const double parts[3] = {high * high, 2.0 * high * low, low * low};
+    for (int i = 0; i < 3; i++) {
+        const double before = *sum;
+        *sum += sign * parts[i];
+        lost[i] += (before - *sum) + sign * parts[i];
+    }
+}
+
+static double norm(double w, double x, double y, double z)
+{
+    const double v[4] = {fabs(w), fabs(x), fabs(y), fabs(z)};
+    double most = 0.0, sum = 1.0, lost[3] = {0.0, 0.0, 0.0};
+    int exponent;
+    for (int i = 0; i < 4; i++) {
+        if (v[i] != v[i])
+            return NAN;
+        most = v[i] > most ? v[i] : most;
+    }
+    if (most == 0.0 || isinf(most))
+        return most;
+    frexp(most, &exponent);
+    if (exponent < -1000)
+        return sqrt(w * w + x * x + y * y + z * z);
+    const double scale = ldexp(1.0, -exponent);
+    for (int i = 0; i < 4; i++)
+        split_square(v[i] * scale, 1.0, &sum, lost);
+    const double h = sqrt(sum - 1.0 + (lost[0] + lost[1] + lost[2]));
+    split_square(h, -1.0, &sum, lost);
+    return (h + (sum - 1.0 + (lost[0] + lost[1] + lost[2])) / (2.0 * h)) / scale;
+}
+
+#include "traced.c"
+
+enum { RING = 128, ROW = 11 };
+
+struct flight {
+    int64_t cycles, steps_per_cycle;
+    int64_t mocap_delay, attitude_delay, thrust_delay, report_delay; /* steps, below RING */
+    int64_t strict;    /* stop where a frame would not simply be accepted */
+    int64_t corrects;  /* correct the autopilot's horizon */
+    double period_s, step_s, first_signal, report_age_s, sample_hz;
+    double force_scale, noise_keep, noise_fresh[3], look_noise[2];
+    const double *first_q, *first_setpoint, *airframe, *params, *law, *network, *rules, *carrier;
+    const double *looks;    /* (cycles, 6) standard normals */
+    const double *gusts;    /* (steps, 3) standard normals, in blocks that are used from their ends */
+    int64_t block;
+    const double *steady;   /* (steps, 3) force that is no noise, N, NED */
+    const uint8_t *unseen;  /* (cycles) or none */
+    const double *errors;   /* (samples, 2) of the autopilot's horizon, or none */
+    const double *arms;     /* (steps, 12) or none */
+    const double *ahead;    /* (cycles, 10) references */
+    const double *known;    /* (cycles, 3) or none */
+    double *rows;           /* (cycles, ROW) position, velocity, command in W; event, sent */
+};
+
+struct memory {
+    double airframe[step_before_size], filters[estimate_before_size], held[fly_memory_size];
+    double horizons[send_before_size], last[5], wire[5], pose[estimate_pose_size], gust[3];
+    double poses[RING][7], turns[RING][4], wires[RING][5];
+    double stamp_s;
+};
+
+static void remember_pose(struct memory *m, const struct flight *f, int64_t step)
+{
+    const double *state = m->airframe, at = step * f->step_s * f->sample_hz;
+    memcpy(m->poses[step % RING], state, 3 * sizeof(double));
+    memcpy(m->poses[step % RING] + 3, state + 6, 4 * sizeof(double));
+    if (f->errors) {
+        const int64_t first = (int64_t)at;
+        const double share = at - first;
+        horizon_turn(f->errors + 2 * first, &share, m->turns[step % RING]);
+    }
+}
+
+/* Take the frame of this cycle; 0 where its verdict is left to the estimator of the flight. */
+static int see(struct memory *m, const struct flight *f, int64_t cycle, int64_t step)
+{
+    double measured[look_measured_size], accepted = 1.0;
+    const double now_s = cycle * f->period_s;
+    if (cycle > 0 && f->unseen && f->unseen[cycle])
+        return 1;
+    look(m->poses[(step > f->mocap_delay ? step - f->mocap_delay : 0) % RING], f->looks + 6 * cycle, f->look_noise,
+         measured);
+    if (cycle == 0) {
+        begin_estimate(measured, f->params, m->filters);
+    } else {
+        const double dt_s = now_s - m->stamp_s, room_m = 0.999 * f->params[estimate_params_room_m];
+        const double far = measured[0] * measured[0] + measured[1] * measured[1] + measured[2] * measured[2];
+        const int repeats = memcmp(measured, m->pose, sizeof measured) == 0 && f->params[estimate_params_drop_repeats];
+        estimate(m->filters, measured, &dt_s, f->params, m->filters, &accepted);
+        if (f->strict && !(accepted && !repeats && far < room_m * room_m && dt_s < f->params[estimate_params_max_gap_s]))
+            return 0;
+    }
+    memcpy(m->pose, measured, sizeof measured);
+    m->stamp_s = now_s;
+    return 1;
+}
+
+static void place_state(double *to, const double *filters)
+{
+    to[0] = 0.0;
+    memcpy(to + fly_given_state_position_w_m, filters + estimate_before_motion_position, 3 * sizeof(double));
+    memcpy(to + fly_given_state_velocity_w_mps, filters + estimate_before_motion_velocity, 3 * sizeof(double));
+    memcpy(to + fly_given_state_q_w_flu_wxyz, filters + estimate_before_attitude_q, 4 * sizeof(double));
+    memcpy(to + fly_given_state_rate_flu_radps, filters + estimate_before_attitude_rate, 3 * sizeof(double));
+}
+
+static int differ(const double *a, const double *b)
+{
+    for (int i = 0; i < 5; i++)
+        if (!(a[i] == b[i]))
+            return 1;
+    return 0;
+}
+
+static void believed(const struct memory *m, const struct flight *f, int64_t step, double *q)
+{
+    const int64_t then = (step > f->report_delay ? step - f->report_delay : 0) % RING;
+    const double *true_q = m->poses[then] + 3;
+    if (f->errors)
+        report(true_q, m->turns[then], q);
+    else
+        q[0] = true_q[0], q[1] = true_q[1], q[2] = -true_q[2], q[3] = -true_q[3];
+}
+
+static void control(struct memory *m, const struct flight *f, int64_t cycle, int64_t step, double *row)
+{
+    double given[fly_given_size] = {0.0}, sending[send_given_size], setpoint[fly_setpoint_size], wire[5];
+    const double age_s = cycle * f->period_s - (m->stamp_s + 0.0 - f->params[estimate_params_delay_s]);
+    place_state(given, m->filters);
+    given[fly_given_age_s] = age_s;
+    memcpy(given + fly_given_ahead_position_w_m, f->ahead + 10 * cycle, 10 * sizeof(double));
+    memcpy(given + fly_given_last_q_w_flu_wxyz, m->last, 5 * sizeof(double));
+    if (f->known)
+        memcpy(given + fly_given_known_accel_b_mps2, f->known + 3 * cycle, 3 * sizeof(double));
+    given[fly_given_dt_s] = f->period_s;
+    if (cycle == 0)
+        begin_law(given, f->law, f->network, m->held);
+    fly(m->held, given, f->law, m->held, setpoint, row + 6);
+    memcpy(sending, setpoint, sizeof setpoint);
+    sending[send_given_is_new] = differ(setpoint, m->last);
+    memcpy(sending + send_given_last_q_w_flu_wxyz, m->wire, 5 * sizeof(double));
+    place_state(sending + send_given_state_time_s, m->filters);
+    sending[send_given_age_s] = age_s;
+    believed(m, f, step, sending + send_given_autopilot_q_w_flu_wxyz);
+    sending[send_given_autopilot_age_s] = f->report_age_s;
+    sending[send_given_dt_s] = f->period_s;
+    if (f->corrects)
+        send(m->horizons, sending, f->rules, f->law + fly_law_limits_max_tilt_rad, m->horizons, wire);
+    else
+        memcpy(wire, setpoint, sizeof wire);
+    row[10] = differ(wire, m->wire);
+    memcpy(m->wire, wire, sizeof wire);
+    memcpy(m->last, setpoint, sizeof setpoint);
+    memcpy(m->wires[cycle % RING], wire, sizeof wire);
+}
+
+static void drive(struct memory *m, const struct flight *f, int64_t s)
+{
+    double driven[step_driven_size] = {0.0};
+    const int64_t q_at = s - f->attitude_delay, thrust_at = s - f->thrust_delay;
+    const double *draw = f->gusts + 3 * (s / f->block * f->block + f->block - 1 - s % f->block);
+    const double *q = q_at < 0 ? f->first_q : m->wires[q_at / f->steps_per_cycle % RING];
+    memcpy(driven + step_driven_q_w_flu_wxyz, q, 4 * sizeof(double));
+    driven[step_driven_signal] = thrust_at < 0 ? f->first_signal : m->wires[thrust_at / f->steps_per_cycle % RING][4];
+    memcpy(driven + step_driven_turn, m->turns[s % RING], 4 * sizeof(double));
+    for (int axis = 0; axis < 3; axis++) {
+        const double fresh = draw[axis] * f->noise_fresh[axis];
+        m->gust[axis] = s == 0 ? fresh : fresh + f->noise_keep * m->gust[axis];
+        driven[step_driven_force_ned_n + axis] = (m->gust[axis] + f->steady[3 * s + axis]) * f->force_scale;
+    }
+    if (f->arms) {
+        memcpy(driven + step_driven_moving, f->arms + 12 * s, 12 * sizeof(double));
+        driven[step_driven_carried] = 1.0;
+        if (s == 0)
+            memcpy(m->airframe + step_before_rate_before, m->airframe + 10, 3 * sizeof(double));
+    }
+    driven[step_driven_dt_s] = f->step_s;
+    step(m->airframe, driven, f->carrier, m->airframe);
+    remember_pose(m, f, s + 1);
+}
+
+/* Fly one vehicle; returns the number of cycles flown, fewer than asked where one is left to Python. */
+int64_t fly_vehicle(const struct flight *f)
+{
+    struct memory m;
+    memset(&m, 0, sizeof m);
+    memcpy(m.airframe, f->airframe, sizeof m.airframe);
+    for (int i = 0; i < RING; i++)
+        m.turns[i][0] = 1.0;
+    m.horizons[send_before_horizon_unseen_s] = m.horizons[send_before_held_unseen_s] = INFINITY;
+    m.horizons[send_before_turn_w] = 1.0;
+    memcpy(m.last, f->first_setpoint, sizeof m.last);
+    memcpy(m.wire, f->first_setpoint, sizeof m.wire);
+    remember_pose(&m, f, 0);
+    for (int64_t cycle = 0; cycle < f->cycles; cycle++) {
+        const int64_t first = cycle * f->steps_per_cycle;
+        double *row = f->rows + ROW * cycle;
+        if (!see(&m, f, cycle, first))
+            return cycle;
+        for (int axis = 0; axis < 3; axis++) {
+            row[axis] = axis ? -m.airframe[axis] : m.airframe[0];
+            row[3 + axis] = axis ? -m.airframe[3 + axis] : m.airframe[3];
+        }
+        control(&m, f, cycle, first, row);
+        for (int64_t s = first; s < first + f->steps_per_cycle; s++)
+            drive(&m, f, s);
+    }
+    return f->cycles;
+}

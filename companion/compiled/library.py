@@ -1,0 +1,47 @@
+"""The compiled code: where it is, and whether it fits the Python that it was traced from."""
+
+import ctypes
+import logging
+import subprocess
+import sys
+import sysconfig
+from functools import cache
+from pathlib import Path
+
+_FOLDER = Path(__file__).parent
+SOURCE = _FOLDER / "flight.c"
+_SUFFIX = sysconfig.get_config_var("EXT_SUFFIX") or ".so"
+LIBRARY = _FOLDER / f"_flight{_SUFFIX}"
+FLAGS = ("-O2", "-ffp-contract=off", "-fno-builtin-pow", "-fPIC", "-shared")
+"""Nothing that changes a number: no contraction, no fast maths; and pow(x, 2) stays the call that Python makes."""
+
+log = logging.getLogger(__name__)
+
+
+@cache
+def library() -> ctypes.CDLL | None:
+    """Return the compiled code; None where it was not built, and everything flies in Python."""
+    if not LIBRARY.is_file():
+        log.info("no compiled law (%s): Python flies, with the same numbers, slower", LIBRARY.name)
+        return None
+    try:
+        return ctypes.CDLL(str(LIBRARY))
+    except OSError as error:
+        log.warning("the compiled law cannot be loaded (%s): Python flies, with the same numbers, slower", error)
+        return None
+
+
+def build() -> str:
+    """Compile the source with the system's C compiler; return a sentence that says what became of it."""
+    command = ["cc", *FLAGS, "-o", str(LIBRARY), str(SOURCE), "-lm"]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)  # noqa: S603
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return f"no compiled law, as there is no C compiler ({error}): Python flies, with the same numbers, slower"
+    if done.returncode:
+        return f"no compiled law: cc failed: {done.stderr.strip().splitlines()[0]}"
+    return f"the law is compiled: {LIBRARY.name}"
+
+
+if __name__ == "__main__":
+    sys.stdout.write(build() + "\n")

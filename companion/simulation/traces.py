@@ -1,0 +1,424 @@
+"""Steps of a control cycle and of the simulated vehicle that are compiled, as they are written in Python.
+
+Each function here only calls the ordinary ones, with numbers that write down what is done to them. What it takes and
+returns is named, so that flight.c can pass it on. `python -m companion.simulation.traces` writes traced.c.
+"""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+import companion.compiled
+from companion.compiled.c_source import CFunction, traced
+from companion.control.controller import ControlInput, VehicleModel
+from companion.control.delay_predictor import Predictor, Weights
+from companion.control.disturbance import Disturbance, no_disturbance
+from companion.control.etnn import Etnn, EtnnMemory
+from companion.control.gains import EtnnGains
+from companion.control.horizon_correction import Horizon, HorizonInput, HorizonRules, no_horizon
+from companion.control.network import NetworkState, initial_network
+from companion.control.pipeline import ControlPipeline
+from companion.control.wire_setpoint import WireSetpoint
+from companion.core.types import Array, AttitudeThrust, Reference, Scalar, VehicleState
+from companion.core.values import value
+from companion.estimation import attitude as att
+from companion.estimation import estimator, kalman
+from companion.estimation.attitude import Attitude
+from companion.estimation.estimator import EstimatorParams
+from companion.estimation.kalman import Motion
+from companion.geometry.array_math import where, where_each
+from companion.geometry.attitude import ThrustModel
+from companion.geometry.frames import matrix_from_quat, quat_from_rotation_vector, quat_multiply, turned
+from companion.guard.limits import Limits
+from companion.simulation.virtual_world import STEP_S
+from mock_autopilot.physics import plant_one, quaternion_one
+from mock_autopilot.physics.arm_bodies import Moving
+from mock_autopilot.physics.arms import Coupling
+from mock_autopilot.physics.plant import PlantParams, at_rest
+from mock_autopilot.physics.plant_one import Fixed, OneActuation, OneState
+from mock_autopilot.physics.quaternion_one import Four, Three
+from mock_autopilot.px4.attitude_error import turn_of
+
+Numbers = tuple[float, ...]
+SOURCE = Path(companion.compiled.__file__).with_name("traced.c")
+_LEVEL = np.array((1.0, 0.0, 0.0, 0.0))
+COMMANDS = 10
+"""Most commands that a compiled predictor remembers; one that remembers fewer has weights of 0 for the older ones."""
+_SURELY = 1.0 - 1e-9
+"""Share of the gate within which a frame is accepted whatever the rounding of its distance."""
+
+
+@value
+class Filters:
+    """The estimator's filters."""
+
+    motion: Motion
+    attitude: Attitude
+
+
+@value(kw_only=True)
+class Lookahead:
+    """Predictor as numbers: its weights for COMMANDS commands, (2, 3, COMMANDS + 2), and how many of them count."""
+
+    vehicle: VehicleModel
+    horizon_s: Scalar
+    drives: Array
+    thrust_share: float
+    observer_radps: Scalar
+    commands: float
+
+
+@value
+class Held:
+    """Memory of the pipeline."""
+
+    law: EtnnMemory
+    setpoint: AttitudeThrust
+    yaw_rad: Scalar
+    arm_accel_w_mps2: Array
+    disturbance: Disturbance
+
+
+class _Predictor(Predictor):
+    """Predictor with room for COMMANDS commands."""
+
+    def __init__(self, lookahead: Lookahead) -> None:
+        weights = Weights(lookahead.horizon_s, lookahead.drives)
+        self.__dict__.update(vars(lookahead) | {"_weights": weights, "_thrust_share": lookahead.thrust_share})
+
+    def _oldest(self, drives: Array) -> Array:
+        oldest, count = drives[..., COMMANDS - 1], self.__dict__["commands"]
+        for commands in range(2, COMMANDS + 1):
+            oldest = where(count == float(commands), drives[..., COMMANDS - commands], oldest)
+        return oldest
+
+
+class _Pipeline(ControlPipeline):
+    """Pipeline whose memory can be set."""
+
+    def __init__(self, gains: EtnnGains, lookahead: Lookahead, model: ThrustModel, limits: Limits) -> None:
+        self._law = Etnn(gains, _Predictor(lookahead))
+        super().__init__(self._law, model, limits)
+
+    def _warm_up(self) -> None:
+        self.forget()
+
+    def begin(self, first: ControlInput, network: NetworkState) -> Held:
+        law = replace(self._law.initial(first), network=network)
+        return Held(law, AttitudeThrust(_LEVEL, np.zeros(())), 0.0, np.zeros(3), no_disturbance(first))
+
+    def hold(self, memory: Held) -> None:
+        self._memory, self._law_setpoint, self._yaw_rad = memory.law, memory.setpoint, memory.yaw_rad
+        self._sent_arm_accel_w_mps2, self._disturbance = memory.arm_accel_w_mps2, memory.disturbance
+
+    def held(self) -> Held:
+        assert self._law_setpoint is not None
+        assert self._disturbance is not None
+        arms, disturbance = self._sent_arm_accel_w_mps2, self._disturbance
+        return Held(self._memory, self._law_setpoint, self._yaw_rad, arms, disturbance)
+
+
+@value(kw_only=True)
+class Given:
+    """Inputs of one cycle that change: state, reference, the setpoint sent last, what is known of the arms."""
+
+    state: VehicleState
+    age_s: float
+    ahead: Reference
+    last: AttitudeThrust
+    known_accel_b_mps2: Array
+    dt_s: float
+
+
+@value(kw_only=True)
+class Law:
+    """Parameters of law, conversion and limits."""
+
+    gains: EtnnGains
+    lookahead: Lookahead
+    model: ThrustModel
+    limits: Limits
+
+    def pipeline(self) -> _Pipeline:
+        """Return the pipeline that flies it."""
+        return _Pipeline(self.gains, self.lookahead, self.model, self.limits)
+
+
+def begin_estimate(pose: Numbers, params: EstimatorParams) -> dict[str, object]:
+    """Begin the filters with one pose: position and rotation matrix row by row."""
+    of_motion, of_attitude = estimator.first_covariances(params)
+    zero = (0.0, 0.0, 0.0)
+    rotation = np.array(pose[3:]).reshape(3, 3)
+    return {"after": Filters(Motion(pose[:3], zero, zero, of_motion), att.at_rest(rotation, of_attitude))}
+
+
+def estimate(before: Filters, pose: Numbers, dt_s: float, params: EstimatorParams) -> dict[str, object]:
+    """Advance the filters by an accepted pose; `accepted` is 1 where its verdict can be no other."""
+    motion = kalman.predict(before.motion, dt_s, params.jerk_density)
+    attitude = att.predict(before.attitude, dt_s, params.angular_jerk_density)
+    x, y, z = innovation = att.innovation_rad(attitude, pose[3:])
+    a, b, c = (measured - position for measured, position in zip(pose[:3], motion.position, strict=True))
+    gate_m, gate_rad = estimator.gates(motion, attitude, dt_s, params)
+    near = a * a + b * b + c * c <= _SURELY * gate_m * gate_m
+    accepted = near & (x * x + y * y + z * z <= _SURELY * gate_rad * gate_rad)
+    motion = kalman.update(motion, pose[:3], params.noise_m**2)
+    return {
+        "after": Filters(motion, att.update(attitude, innovation, params.noise_rad**2)),
+        "accepted": (accepted,),
+    }
+
+
+def begin_law(given: Given, law: Law, network: NetworkState) -> dict[str, object]:
+    """Return the pipeline's memory at lift-off."""
+    known = turned(given.state.q_w_flu_wxyz, given.known_accel_b_mps2)
+    first = law.pipeline()._given(given.state, given.age_s, given.ahead, given.last, given.dt_s, known)
+    return {"after": law.pipeline().begin(first, network)}
+
+
+def fly(memory: Held, given: Given, law: Law) -> dict[str, object]:
+    """Run one cycle of law, conversion and limits."""
+    pipeline, known = law.pipeline(), turned(given.state.q_w_flu_wxyz, given.known_accel_b_mps2)
+    pipeline.hold(memory)
+    output = pipeline.fly(given.state, given.age_s, given.ahead, given.last, given.dt_s, known)
+    pipeline.settle()
+    command = (output.law_output.accel_w_mps2, output.law_output.event)
+    return {"after": pipeline.held(), "setpoint": output.limited.setpoint, "command": command}
+
+
+@value(kw_only=True)
+class Horizons:
+    """State of the horizon's correction."""
+
+    horizon: Horizon
+    held: Horizon
+    turn_w: Array
+
+
+@value(kw_only=True)
+class Sending:
+    """Setpoint to be corrected, and both attitudes that it is corrected by."""
+
+    setpoint: AttitudeThrust
+    is_new: bool
+    last: AttitudeThrust
+    state: VehicleState
+    age_s: float
+    autopilot_q_w_flu_wxyz: Array
+    autopilot_age_s: float
+    dt_s: float
+
+
+class _Wire(WireSetpoint):
+    """Correction whose state can be set."""
+
+    def hold(self, before: Horizons) -> None:
+        self._horizon, self._held, self._turn_w = before.horizon, before.held, before.turn_w
+
+    def horizons(self) -> Horizons:
+        return Horizons(horizon=self._horizon, held=self._held, turn_w=self._turn_w)
+
+
+def send(before: Horizons, given: Sending, rules: HorizonRules, limits: Limits) -> dict[str, object]:
+    """Correct the autopilot's horizon in a setpoint, while the law flies and motion capture is trusted."""
+    wire = _Wire(HorizonRules(**vars(rules) | {"enabled": True}), limits)
+    wire.hold(before)
+    inputs = HorizonInput(
+        q_w_flu_wxyz=given.state.q_w_flu_wxyz,
+        rate_flu_radps=given.state.rate_flu_radps,
+        age_s=given.age_s,
+        autopilot_q_w_flu_wxyz=given.autopilot_q_w_flu_wxyz,
+        autopilot_age_s=given.autopilot_age_s,
+        trusted=True,
+        flying=True,
+    )
+    put = wire.put(given.setpoint, given.is_new, given.last, inputs, given.dt_s)
+    return {"after": wire.horizons(), "wire": put.setpoint}
+
+
+@value(kw_only=True)
+class Airframe:
+    """Simulated vehicle's state: plant, and the reaction of the arms."""
+
+    state: OneState
+    rate_before: Three
+    trimmed: Three
+
+
+@value(kw_only=True)
+class Driven:
+    """Setpoint, force and arms that act on the simulated vehicle during one step."""
+
+    q_w_flu_wxyz: Array
+    signal: float
+    turn: Four
+    """The autopilot's horizon, as `turn_of` gives it."""
+    force_ned_n: Three
+    moving: Moving
+    carried: float
+    """1 with arms."""
+    dt_s: float
+
+
+@value(kw_only=True)
+class Carrier:
+    """Parameters of the simulated vehicle."""
+
+    fixed: Fixed
+    mass_kg: float
+    inertia_kgm2: Array
+    trim_s: Array
+
+
+def step(before: Airframe, driven: Driven, carrier: Carrier) -> dict[str, object]:
+    """Advance the simulated vehicle by a step."""
+    state, arms = before.state, Coupling(None, 1.0, np.ones(3), (1.0, 1.0, 1.0))
+    p, r, y = carrier.trim_s
+    arms._mass_kg, arms._inertia_kgm2, arms._trim_time_s = carrier.mass_kg, carrier.inertia_kgm2, (p, r, y)
+    arms._rate, arms._trimmed = before.rate_before, before.trimmed
+    rate, q = state.rate_frd_radps, state.q_ned_frd_wxyz
+    (i, j, k), push = arms.pushed(rate, q, state.thrust_n, state.on_ground, driven.moving, driven.dt_s)
+    x, y, z = driven.force_ned_n
+    carried = driven.carried != 0.0
+    force = where_each(carried, (x + i, y + j, z + k), (x, y, z))
+    push = where_each(carried, push, (0.0, 0.0, 0.0))
+    w, a, b, c = driven.q_w_flu_wxyz.tolist()
+    tw, tx, ty, tz = driven.turn
+    asked = OneActuation(quaternion_one.multiply((w, a, -b, -c), (tw, -tx, -ty, -tz)), driven.signal)
+    moved = plant_one.moved(state, asked, force, push, carrier.fixed)
+    return {"after": Airframe(state=moved, rate_before=rate, trimmed=arms._trimmed)}
+
+
+def horizon_turn(error_rad: Four, share: tuple[float]) -> dict[str, object]:
+    """Interpolate the error of the autopilot's horizon between two samples."""
+    (a, b, c, d), (s,) = error_rad, share
+    return {"turn": turn_of(a + s * (c - a), b + s * (d - b))}
+
+
+def look(pose: Numbers, noise: Array, size: Numbers) -> dict[str, object]:
+    """Return the pose that motion capture measures: position, and rotation row by row.
+
+    `noise` are six standard normals, `size` the deviations of position (m) and attitude (rad).
+    """
+    (x, y, z, w, i, j, k), (size_m, size_rad) = pose, size
+    a, b, c = (noise[:3] * size_m).tolist()
+    q = quat_multiply(np.array((w, i, -j, -k)), quat_from_rotation_vector(noise[3:] * size_rad))
+    return {"measured": (x + a, b - y, c - z, *matrix_from_quat(q).ravel().tolist())}
+
+
+def report(q_ned_frd_wxyz: Four, turn: Four) -> dict[str, object]:
+    """Return the attitude that the autopilot believes, in W."""
+    w, x, y, z = quaternion_one.multiply(q_ned_frd_wxyz, turn)
+    return {"believed": (w, x, -y, -z)}
+
+
+def functions() -> list[CFunction]:
+    """Trace everything that is compiled."""
+    zero, level, three, four = np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0)), (0.0,) * 3, (0.0,) * 4
+    pose, params = (0.0,) * 12, EstimatorParams()
+    covariance = kalman.Covariance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    filters = Filters(Motion(three, three, three, covariance), Attitude((1.0, 0.0, 0.0, 0.0), three, three, covariance))
+    state, setpoint = VehicleState(0.0, zero, zero, level, zero), AttitudeThrust(level, np.array(0.0))
+    given = Given(
+        state=state,
+        age_s=0.0,
+        ahead=Reference(zero, zero, zero, 0.0),
+        last=setpoint,
+        known_accel_b_mps2=zero,
+        dt_s=0.01,
+    )
+    law, network = example_law(), initial_network(EtnnGains())
+    memory = law.pipeline().begin(law.pipeline()._given(state, 0.0, given.ahead, setpoint, 0.01, zero), network)
+    sending = Sending(
+        setpoint=setpoint,
+        is_new=False,
+        last=setpoint,
+        state=state,
+        age_s=0.0,
+        autopilot_q_w_flu_wxyz=level,
+        autopilot_age_s=0.0,
+        dt_s=0.01,
+    )
+    horizons = Horizons(horizon=no_horizon(), held=no_horizon(), turn_w=level)
+    airframe = Airframe(state=plant_one.in_floats(at_rest(zero)), rate_before=three, trimmed=three)
+    driven = Driven(
+        q_w_flu_wxyz=level,
+        signal=0.0,
+        turn=four,
+        force_ned_n=three,
+        moving=Moving(three, three, three, three),
+        carried=1.0,
+        dt_s=0.005,
+    )
+    carrier = carrier_of(PlantParams(), zero, zero, ())
+    return [
+        traced("begin_estimate", begin_estimate, pose=pose, params=params),
+        traced("estimate", estimate, before=filters, pose=pose, dt_s=0.01, params=params),
+        traced("begin_law", begin_law, given=given, law=law, network=network),
+        traced("fly", fly, memory=memory, given=given, law=law),
+        traced("send", send, before=horizons, given=sending, rules=HorizonRules(), limits=Limits()),
+        traced("step", step, before=airframe, driven=driven, carrier=carrier),
+        traced("horizon_turn", horizon_turn, error_rad=four, share=(0.0,)),
+        traced("look", look, pose=(0.0,) * 7, noise=np.zeros(6), size=(0.0, 0.0)),
+        traced("report", report, q_ned_frd_wxyz=four, turn=four),
+    ]
+
+
+def carrier_of(params: PlantParams, inertia_kgm2: Array, trim_s: Array, lead: tuple[int, ...]) -> Carrier:
+    """Return the parameters of one vehicle, or of a batch of shape `lead`."""
+    known = params.coefficients(STEP_S, (*lead, 3))
+    fixed = Fixed(
+        dt_s=STEP_S,
+        max_thrust_n=cast(float, params.max_thrust_n),
+        motor_curve=cast(float, params.motor_curve),
+        ground_z_m=params.ground_z_m,
+        dry_per_mps=known.dry_per_mps,
+        per_kg=cast(float, known.per_kg[..., 0]),
+        **{name: getattr(known, name) for name in _BY_AXIS},
+    )
+    return Carrier(fixed=fixed, mass_kg=cast(float, params.mass_kg), inertia_kgm2=inertia_kgm2, trim_s=trim_s)
+
+
+_BY_AXIS = (
+    *("stiffness", "damping", "torque_gain", "torque_mean", "viscous", "quadratic", "coulomb"),
+    *("thrust_gain", "thrust_mean"),
+)
+
+
+def example_law() -> Law:
+    """Return parameters of the shapes that are compiled."""
+    lookahead = Lookahead(
+        vehicle=VehicleModel(),
+        horizon_s=0.0,
+        drives=np.zeros((2, 3, COMMANDS + 2)),
+        thrust_share=0.0,
+        observer_radps=0.0,
+        commands=1.0,
+    )
+    return Law(gains=EtnnGains(), lookahead=lookahead, model=ThrustModel(), limits=Limits())
+
+
+def source() -> str:
+    """Return the C source of all functions."""
+    traces = functions()
+    parts = [_HEAD, *(trace.layout for trace in traces), "", *(trace.source for trace in traces)]
+    return "\n".join(parts)
+
+
+_HEAD = """/* Written by `python -m companion.simulation.traces` from the Python that it names; not to be edited. */
+"""
+
+
+def main() -> None:
+    """Write traced.c; with --check only say whether it is what would be written."""
+    fresh = source()
+    if "--check" not in sys.argv:
+        SOURCE.write_text(fresh, encoding="utf-8")
+    elif SOURCE.read_text(encoding="utf-8") != fresh:
+        sys.exit(f"{SOURCE} is not what the Python says: run python -m companion.simulation.traces")
+
+
+if __name__ == "__main__":
+    main()
