@@ -88,62 +88,190 @@ def _symbols(argument: str, example: object) -> object:
     return mapped(example, symbol)
 
 
+Path = tuple[tuple[int, bool], ...]
+"""Conditions, by their place in the order of all numbers, from the outermost, under which alone a number is needed."""
+
+
+class _Blocks:
+    """Conditions under which alone each number is needed, so that a branch costs nothing while it is not taken.
+
+    A `where` whose sides are costly becomes an `if`; all of one condition become one, unless one needs another.
+    """
+
+    def __init__(self, roots: list[Traced]) -> None:
+        self.order = _in_order(roots)
+        self.place = {node: place for place, node in enumerate(self.order)}
+        self._roots = roots
+        self.eager: set[Traced] = set()
+        while self._settle():
+            pass
+
+    def _settle(self) -> bool:
+        """Work out the paths; return True if another `where` had to become eager."""
+        self.paths = self._paths()
+        self.groups: dict[tuple[Path, int], list[Traced]] = {}
+        for node in self.order:
+            if node.operation == "where" and node not in self.eager:
+                self.groups.setdefault((self.paths[node], self.condition(node)), []).append(node)
+        before = len(self.eager)
+        for (path, condition), members in self.groups.items():
+            cost = [0, 0]
+            sides = [(*path, (condition, side)) for side in (False, True)]
+            for node, where in self.paths.items():
+                if where[: len(path) + 1] in sides:
+                    cost[where[len(path)][1]] += _COSTS.get(node.operation, 1)
+            self.eager |= set(members) if max(cost) < _WORTH else _dependent(members)
+        return len(self.eager) > before
+
+    def condition(self, where: Traced) -> int:
+        """Return the place of what decides a `where`."""
+        return self.place[where.operands[0]]  # type: ignore[index]
+
+    def _paths(self) -> dict[Traced, Path]:
+        found: dict[Traced, Path] = dict.fromkeys(self._roots, ())
+        for node in reversed(self.order):
+            path = found[node]
+            for index, part in enumerate(node.operands):
+                if not isinstance(part, Traced):
+                    continue
+                lazy = node.operation == "where" and index > 0 and node not in self.eager
+                inner = (*path, (self.condition(node), index == 1)) if lazy else path
+                found[part] = _common(found[part], inner) if part in found else inner
+        return found
+
+
+_WORTH = 12
+"""Least cost of a side for which an `if` pays; a multiplication costs 1."""
+_COSTS = {"/": 4, "sqrt": 5, "pow": 40, "norm": 40} | dict.fromkeys(
+    ("sin", "cos", "tan", "atan", "atan2", "exp", "tanh"), 15
+)
+
+
+def _in_order(roots: list[Traced]) -> list[Traced]:
+    """Return all numbers that are needed, operands first; without recursion, as graphs are deep."""
+    done: dict[Traced, None] = {}
+    waiting = list(reversed(roots))
+    while waiting:
+        node = waiting[-1]
+        missing = [part for part in node.operands if isinstance(part, Traced) and part not in done]
+        if missing:
+            waiting += reversed(missing)
+            continue
+        done[waiting.pop()] = None
+    return list(done)
+
+
+def _common(a: Path, b: Path) -> Path:
+    same = 0
+    while same < min(len(a), len(b)) and a[same] == b[same]:
+        same += 1
+    return a[:same]
+
+
+def _dependent(members: list[Traced]) -> set[Traced]:
+    """Return those that need another of them."""
+    own, needs = set(members), set[Traced]()
+    for node in _in_order(members):
+        if any(isinstance(part, Traced) and (part in own or part in needs) for part in node.operands):
+            needs.add(node)
+    return own & needs
+
+
 class _Body:
     """Statements of a function that stores these numbers."""
 
     def __init__(self, stores: list[tuple[str, object]]) -> None:
         self._stores = stores
+        self._blocks = _Blocks([number for _, number in stores if isinstance(number, Traced)])
+        self._by_path: dict[Path, list[Traced]] = {}
+        for node in self._blocks.order:
+            self._by_path.setdefault(self._blocks.paths[node], []).append(node)
         self._local: dict[Traced, str] = {}
+        self._begun: set[tuple[Path, int]] = set()
         self._statements: list[str] = []
 
     def lines(self) -> list[str]:
         """Return the statements; all inputs are read before the first output is written: they may be one vector."""
-        stores = [f"    {place} = {self._operand(number)};" for place, number in self._stores]
-        return self._statements + stores
+        inputs = [node for node in self._blocks.order if node.operation == "input"]
+        for node in inputs:
+            self._declare(node)
+        self._block(())
+        return self._statements + [f"    {place} = {self._operand(number)};" for place, number in self._stores]
+
+    def _block(self, path: Path) -> None:
+        for node in self._by_path.get(path, []):
+            self._write(node, path)
+
+    def _write(self, node: Traced, path: Path) -> None:
+        """Write one number of a block, and first what it needs that is not written yet."""
+        if node in self._local:
+            return
+        if node.operation == "where" and node not in self._blocks.eager:
+            self._if(self._blocks.groups[path, self._blocks.condition(node)], path)
+            return
+        for part in node.operands:
+            if isinstance(part, Traced) and part not in self._local:
+                self._write(part, path)
+        self._declare(node)
+
+    def _if(self, group: list[Traced], path: Path) -> None:
+        """Write all of one condition that can be written together."""
+        condition, members = self._blocks.condition(group[0]), group
+        if (path, condition) in self._begun:
+            raise AssertionError("conditions whose numbers need each other: make one of them eager")
+        self._begun.add((path, condition))
+        sides = [(*path, (condition, side)) for side in (True, False)]
+        inner = [node for where, nodes in self._by_path.items() if where[: len(path) + 1] in sides for node in nodes]
+        for node in members + inner:
+            for part in node.operands:
+                if isinstance(part, Traced) and self._blocks.paths[part] == path:
+                    self._write(part, path)
+        indent = "    " * (len(path) + 1)
+        for node in members:
+            self._local[node] = f"t{len(self._local)}"
+        self._statements.append(f"{indent}double {', '.join(self._local[node] for node in members)};")
+        for index, (side, begin) in enumerate(
+            zip(sides, (f"if ({self._truth(group[0].operands[0])}) {{", "} else {"), strict=True)
+        ):
+            self._statements.append(indent + begin)
+            self._block(side)
+            self._statements += [
+                f"{indent}    {self._local[node]} = {self._operand(node.operands[index + 1])};" for node in members
+            ]
+        self._statements.append(f"{indent}}}")
+
+    def _declare(self, node: Traced) -> None:
+        kind = "int" if node.operation in _TRUTHS else "double"
+        if node.operation != "input" and node not in self._local:
+            name = f"{'c' if kind == 'int' else 't'}{len(self._local)}"
+            indent = "    " * (len(self._blocks.paths[node]) + 1)
+            self._statements.append(f"{indent}const {kind} {name} = {self._expression(node)};")
+            self._local[node] = name
+        elif node not in self._local:
+            self._local[node] = f"t{len(self._local)}"
+            self._statements.append(f"    const double {self._local[node]} = {node.name};")
 
     def _operand(self, number: object) -> str:
-        if not isinstance(number, Traced):
-            return _literal(float(number))  # type: ignore[arg-type]
-        self._emit(number)
-        return self._local[number]
+        return self._local[number] if isinstance(number, Traced) else _literal(float(number))  # type: ignore[arg-type]
 
-    def _emit(self, root: Traced) -> None:
-        """Write all that a number needs, without recursion: graphs are deep."""
-        waiting = [root]
-        while waiting:
-            node = waiting[-1]
-            missing = [part for part in node.operands if isinstance(part, Traced) and part not in self._local]
-            if missing:
-                waiting += missing
-                continue
-            waiting.pop()
-            if node not in self._local:
-                kind = "int" if node.operation in _TRUTHS else "double"
-                self._local[node] = f"{'c' if kind == 'int' else 't'}{len(self._local)}"
-                self._statements.append(f"    const {kind} {self._local[node]} = {self._expression(node)};")
+    def _truth(self, operand: object) -> str:
+        text = self._operand(operand)
+        return text if isinstance(operand, Traced) and operand.operation in _TRUTHS else f"({text} != 0.0)"
 
     def _expression(self, node: Traced) -> str:
-        operation = node.operation
-        if operation == "input":
-            return node.name
-        parts = [self._local[part] if isinstance(part, Traced) else _literal(part) for part in node.operands]
+        operation, parts = node.operation, [self._operand(part) for part in node.operands]
         if operation in _INFIX | _COMPARED:
             return f"{parts[0]} {operation} {parts[1]}"
         if operation in _LOGICAL:
-            return f" {operation} ".join(map(_truth, node.operands, parts))
+            return f" {operation} ".join(map(self._truth, node.operands))
         if operation == "where":
-            return f"{_truth(node.operands[0], parts[0])} ? {parts[1]} : {parts[2]}"
+            return f"{self._truth(node.operands[0])} ? {parts[1]} : {parts[2]}"
         if operation == "neg":
             return f"-{parts[0]}"
         return f"{_FUNCTIONS.get(operation, operation)}({', '.join(parts)})"
 
 
 _FUNCTIONS = {"max": "larger", "min": "smaller"}
-
-
-def _truth(operand: object, text: str) -> str:
-    is_truth = isinstance(operand, Traced) and operand.operation in _TRUTHS
-    return text if is_truth else f"({text} != 0.0)"
 
 
 def _literal(number: float) -> str:

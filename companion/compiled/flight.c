@@ -1,5 +1,6 @@
 /* Flights in virtual time: the loop around the traced functions of traced.c, as simulation/simulation.py runs it. */
 
+#include <float.h>
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
@@ -21,7 +22,7 @@ static void split_square(double x, double sign, double *sum, double *lost)
     }
 }
 
-static double norm(double w, double x, double y, double z)
+static double exact_norm(double w, double x, double y, double z)
 {
     const double v[4] = {fabs(w), fabs(x), fabs(y), fabs(z)};
     double most = 0.0, sum = 1.0, lost[3] = {0.0, 0.0, 0.0};
@@ -42,6 +43,17 @@ static double norm(double w, double x, double y, double z)
     const double h = sqrt(sum - 1.0 + (lost[0] + lost[1] + lost[2]));
     split_square(h, -1.0, &sum, lost);
     return (h + (sum - 1.0 + (lost[0] + lost[1] + lost[2])) / (2.0 * h)) / scale;
+}
+
+static inline double norm(double w, double x, double y, double z)
+{
+#if LDBL_MANT_DIG == 64 /* enough bits to know the nearest double, but for one length in some hundred */
+    const long double a = w, b = x, c = y, d = z, size = sqrtl(a * a + b * b + c * c + d * d);
+    const double low = (double)(size - size * 0x1p-61L), high = (double)(size + size * 0x1p-61L);
+    if (low == high && low > 1e-100 && low < 1e100)
+        return low;
+#endif
+    return exact_norm(w, x, y, z);
 }
 
 #include "traced.c"

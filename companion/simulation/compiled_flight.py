@@ -234,7 +234,7 @@ def flat(value: object, like: object, lead: tuple[int, ...]) -> Array:
         array, size = np.asarray(part, dtype=float), prod(np.shape(example))
         own = bool(lead) and array.size > size
         each |= own
-        columns.append(array.reshape(-1, size) if own else np.broadcast_to(array, np.shape(example)).reshape(1, size))
+        columns.append(array.reshape(-1 if own else 1, size))
     rows = prod(lead) if each else 1
     return np.concatenate([np.broadcast_to(column, (rows, column.shape[1])) for column in columns], axis=1)
 
