@@ -8,9 +8,10 @@ import pytest
 
 from companion.config.controller_config import EtnnFile, PredictionConfig, etnn_law, read_etnn
 from companion.control.controller import ControlInput, VehicleModel
+from companion.control.peers.linear_mpc import LinearMpc
 from companion.core.interfaces import ConfigError
 from companion.core.types import Array, Reference
-from companion.studies.paper.ablations import Ablation, ablated, load_ablated
+from companion.studies.paper.ablations import Ablation, ablated, load_ablated, parts_of
 
 VEHICLE = VehicleModel()
 PRINTED = read_etnn("paper")
@@ -151,3 +152,19 @@ def test_an_unstable_set_is_loaded_and_says_what_it_lacks() -> None:
 def test_only_the_et_nn_law_has_these_parts() -> None:
     with pytest.raises(ConfigError, match=r"pid\.toml: law = 'pid': must be 'etnn' here$"):
         load_ablated("pid", VEHICLE, 0.01, Ablation.NETWORK)
+
+
+def test_peers_have_a_trigger_and_a_prediction_and_mpc_only_the_trigger() -> None:
+    assert [[*parts_of(law)] for law in ("indi", "mpc", "pid")] == [
+        [Ablation.TRIGGER, Ablation.PREDICTION],
+        [Ablation.TRIGGER],
+        [],
+    ]
+    every = load_ablated("mpc", VEHICLE, 0.01, Ablation.TRIGGER)
+    assert isinstance(every.law, LinearMpc)
+    assert every.law.gains.send_from_mps2 == 0.0
+    assert every.name == "mpc without trigger"
+    blind = load_ablated("indi", VEHICLE, 0.01, Ablation.PREDICTION).law
+    assert blind.preview_s == 0.0
+    with pytest.raises(ConfigError, match=r"mpc\.toml: its law has no prediction to leave out$"):
+        load_ablated("mpc", VEHICLE, 0.01, Ablation.PREDICTION)

@@ -9,6 +9,7 @@ import pytest
 from cmaes import CMA
 
 from companion.studies.sweep.sweep_vehicles import Drawn, draw
+from companion.studies.tuning.etnn_space import penalty
 from companion.studies.tuning.gain_space import KNOBS, START, shares_of
 from companion.studies.tuning.search import (
     CHECK_SEED,
@@ -17,7 +18,6 @@ from companion.studies.tuning.search import (
     Plan,
     cost,
     front_of,
-    penalty,
     scenes_of,
     search,
     training_seed,
@@ -152,6 +152,6 @@ def test_a_set_that_would_be_refused_costs_more_than_one_that_flies_as_well(monk
     """The search itself adds the penalty to the cost."""
     seen: list[float] = []
     monkeypatch.setattr(CMA, "tell", lambda _, solutions: seen.extend(value for _, value in solutions))
-    monkeypatch.setattr("companion.studies.tuning.search.penalty", lambda points: np.full(len(points), 1000.0))
+    monkeypatch.setattr("companion.studies.tuning.etnn_space.penalty", lambda points: np.full(len(points), 1000.0))
     run(generations=1)
     assert min(seen) > 900.0

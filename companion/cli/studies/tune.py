@@ -20,13 +20,14 @@ from companion.cli.operator.exit_codes import FAILED, INTERRUPTED, names_of
 from companion.cli.options import SummaryFile
 from companion.cli.output import check_file, check_output
 from companion.cli.terminal import numbers_table, progress_bar
-from companion.config.controller_config import read_etnn
+from companion.config.controller_config import PEERS, read_controller, read_etnn
 from companion.core.interfaces import ConfigError
 from companion.core.types import Array
 from companion.simulation.scene import Scene, load_scene
 from companion.simulation.workers import workers
-from companion.studies.tuning.controller_writer import controller_toml
-from companion.studies.tuning.gain_space import START, gain_fields, rounded, shares_of, values_from
+from companion.studies.tuning.etnn_space import ETNN, EtnnSpace
+from companion.studies.tuning.gain_space import START, GainSpace, rounded, shares_of, values_from
+from companion.studies.tuning.peer_space import PeerSpace
 from companion.studies.tuning.search import (
     CHECK_SEED,
     ERROR_M,
@@ -39,6 +40,7 @@ from companion.studies.tuning.search import (
     marks_of,
     scenes_of,
     search,
+    trials_of,
 )
 from companion.studies.tuning.tuning import WORST_M, shortened
 from companion.trajectories.reference import Ellipse, FigureEight, LapTiming
@@ -65,12 +67,6 @@ class Checked:
         return self.update_share, self.error_m
 
     @property
-    def flies(self) -> bool:
-        """True if it held every vehicle and passes the stability check of the loader."""
-        damping, needed = gain_fields(self.values).filter_loop()
-        return self.worst_m < WORST_M and damping > needed
-
-    @property
     def distance(self) -> float:
         """Distance to the target: error as configured, updates, and a third of the other vehicles' error."""
         return self.error_m / ERROR_M + self.update_share / UPDATES + 0.3 * self.other_m / ERROR_M
@@ -84,10 +80,14 @@ def tune(
         str, typer.Option(help="Weights of updates against errors, comma-separated; one search for each.")
     ] = "0.8,1.2",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the searches and of their noise.")] = 1,
+    step: Annotated[
+        float, typer.Option(min=0.005, max=0.3, help="Spread of the first generation, as a share of each range.")
+    ] = 0.04,
     start: Annotated[
         str | None,
         typer.Option(
-            help="Start from this ET-NN controller: a name or a TOML file.", autocompletion=complete.controllers
+            help="Start from this controller, ET-NN or one with [tune]: a name or a TOML file.",
+            autocompletion=complete.controllers,
         ),
     ] = None,
     experiments: Annotated[
@@ -110,20 +110,21 @@ def tune(
     """
     console = Console()
     plan = _plan(generations, population, weights, seed, experiments, bandwidths)
+    plan = replace(plan, step=step, space=_space(start, write))
     begin = START if start is None else _from_file(start)
     _check_outputs(out, summary, write)
     progress: list[tuple[Generation, Array]] = []
     try:
         with workers(jobs, "give fewer --jobs") if jobs > 1 else ThreadPoolExecutor(1) as pool:
             centres = _search(plan, begin, pool, progress, console, out)
-            yardstick = Centre(shares_of(_from_file(start or _YARDSTICK)), 0.0, 0)
+            yardstick = Centre(shares_of(_from_file(start or _YARDSTICK), plan.space.knobs), 0.0, 0)
             with console.status("checking on seeds and curves that no search flew"):
                 *checked, known = _check([*centres, yardstick], plan, pool)
     except KeyboardInterrupt:
         kept = f"; their centres are in {out / 'generations.json'}" if progress else ""
         console.print(f"interrupted after {len(progress)} generations{kept}", markup=False, highlight=False)
         raise typer.Exit(INTERRUPTED) from None
-    best = best_of(checked)
+    best = best_of(checked, plan.space)
     _print(console, checked, best, known, start or _YARDSTICK)
     with console.status("drawing"):
         _draw([generation for generation, _ in progress], checked, best, out / "front.png")
@@ -141,11 +142,10 @@ def tune(
             "population": population,
             "weights": weights,
             "seed": seed,
+            "step": step,
         }
         options |= {"experiments": experiments, "bandwidths": bandwidths, "start": start}
-        title = "The law that flies." if write.stem == "practical" else "A tuned ET-NN law."
-        says = f"the ET-NN law of {write.name}, found by companion tune"
-        write.write_text(controller_toml(best.values, title, says, _command(options)), encoding="utf-8")
+        write.write_text(plan.space.toml(best.values, _command(options)), encoding="utf-8")
         console.print(f"wrote [bold]{escape(str(write))}[/]")
 
 
@@ -180,14 +180,27 @@ def _search(
 
         def note(generation: Generation, centre: Array) -> None:
             progress.append((generation, centre))
-            _keep(out, progress)
+            _keep(out, progress, plan.space)
             bar(len(progress), generation)
 
-        return search(plan, shares_of(begin), pool, note)
+        return search(plan, shares_of(begin, plan.space.knobs), pool, note)
+
+
+def _space(start: str | None, write: Path | None) -> GainSpace:
+    """Return the search space of the law that a search starts from."""
+    files = read_controller(start or _YARDSTICK)
+    if files.tables.get("law") in PEERS:
+        return PeerSpace(files)
+    name = "" if write is None else write.name
+    title = "The law that flies." if name == "practical.toml" else "A tuned ET-NN law."
+    return EtnnSpace(title, f"the ET-NN law of {name}, found by companion tune")
 
 
 def _from_file(name: str) -> dict[str, float]:
-    file = read_etnn(name)
+    files = read_controller(name)
+    if files.tables.get("law") in PEERS:
+        return PeerSpace(files).start
+    file = read_etnn(files)
     p = file.prediction
     return values_from(file.gains, p.lead_s, p.thrust_lead_s, p.observer_radps)
 
@@ -223,22 +236,26 @@ def _bar(console: Console, plan: Plan) -> Iterator[Any]:
 
 def _check(centres: Sequence[Centre], plan: Plan, pool: Executor) -> list[Checked]:
     """Fly the centres on curves and seeds that no search flew; return their checks."""
-    values = [rounded(one.shares) for one in centres]
-    points = np.array([shares_of(value) for value in values])
-    marks = marks_of([elsewhere(scene) for scene in plan.scenes], points, CHECK_SEED, _CHECK_VEHICLES, pool)
+    knobs = plan.space.knobs
+    values = [rounded(one.shares, knobs) for one in centres]
+    points = np.array([shares_of(value, knobs) for value in values])
+    scenes = [elsewhere(scene) for scene in plan.scenes]
+    marks = marks_of(trials_of(scenes, CHECK_SEED, _CHECK_VEHICLES, plan.space), points, pool)
     error, other, updates = (
-        np.mean([getattr(mark, name) for mark in marks], axis=0) for name in ("error_m", "other_m", "update_share")
+        np.mean([getattr(mark, name) for mark in marks], axis=0).tolist()
+        for name in ("error_m", "other_m", "update_share")
     )
-    worst = np.max([mark.worst_m for mark in marks], axis=0)
+    worst = np.max([mark.worst_m for mark in marks], axis=0).tolist()
     return [
-        Checked(one, value, *(float(number) for number in row))
-        for one, value, *row in zip(centres, values, error, other, worst, updates, strict=True)
+        Checked(one, value, error_m=here, other_m=there, worst_m=most, update_share=share)
+        for one, value, here, there, most, share in zip(centres, values, error, other, worst, updates, strict=True)
     ]
 
 
-def best_of(checked: Sequence[Checked]) -> Checked | None:
-    """Return the one nearest to the target among those that fly; None if none does."""
-    return min((one for one in checked if one.flies), key=lambda one: one.distance, default=None)
+def best_of(checked: Sequence[Checked], space: GainSpace = ETNN) -> Checked | None:
+    """Return the one nearest to the target that held every vehicle and is not refused by the loader, if any."""
+    flies = (one for one in checked if one.worst_m < WORST_M and space.stable(one.values))
+    return min(flies, key=lambda one: one.distance, default=None)
 
 
 def elsewhere(scene: Scene) -> Scene:
@@ -277,9 +294,9 @@ def _draw(progress: Sequence[Generation], checked: Sequence[Checked], best: Chec
     plot_search(progress, [one.point for one in checked], best.point if best else None, path)
 
 
-def _keep(out: Path, progress: Sequence[tuple[Generation, Array]]) -> None:
+def _keep(out: Path, progress: Sequence[tuple[Generation, Array]], space: GainSpace) -> None:
     """Write all generations so far, so that an interrupt loses none."""
-    rows = [asdict(generation) | {"centre": rounded(centre)} for generation, centre in progress]
+    rows = [asdict(generation) | {"centre": rounded(centre, space.knobs)} for generation, centre in progress]
     (out / "generations.json").write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.config.arms_config import Feedforward
-from companion.config.controller_config import ErrorLimits, LoadedController, load_controller, read_etnn
-from companion.control.etnn import Etnn
+from companion.config.controller_config import ErrorLimits, LoadedController, load_controller
 from companion.control.law_check import in_flight
 from companion.core.types import Array
 from companion.simulation.link_numbers import LinkNumbers, link_numbers
@@ -19,7 +18,7 @@ from companion.simulation.metrics import Score, score
 from companion.simulation.mission import stacked
 from companion.simulation.scene import HorizonError, Scene, load_scene
 from companion.simulation.simulation import Trace, simulate
-from companion.studies.paper.ablations import Ablation, ablated, load_ablated
+from companion.studies.paper.ablations import Ablation, load_ablated, parts_of
 from mock_autopilot.impairment.sentences import Directions
 
 BASELINE = "pid"
@@ -216,11 +215,8 @@ def variants_of(item: Item) -> Iterator[Item]:
     Raises ConfigError for what is wrong with scene or controller.
     """
     scene = scene_of(item)
-    if isinstance(controller_of(item, scene).law, Etnn):
-        file = read_etnn(item.controller)
-        whole = file.model_dump_json()
-        parts = (part for part in Ablation if ablated(file, part).model_dump_json() != whole)
-        yield from (replace(item, without=part) for part in parts)
+    controller_of(item, scene)
+    yield from (replace(item, without=part) for part in parts_of(item.controller))
     if scene.corrects:
         yield replace(item, corrected=False)
     arms = scene.companion.arms

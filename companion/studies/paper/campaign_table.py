@@ -25,8 +25,8 @@ _MEANING = {
         "iota_1 and iota_2 stay 0: the filter's error is not compensated, and f_hat, which acts through iota_2, is off."
     ),
     f"without_{Ablation.PREDICTION}": (
-        "The law sees the state with delays and attitude lag. The disturbance observer, which is part of the "
-        "prediction, is off, too."
+        "The law sees the state with delays and attitude lag. A disturbance observer that is part of the prediction "
+        "is off, too."
     ),
     f"without_{Ablation.PUSH}": "A lasting disturbance is neither predicted nor compensated.",
     "horizon_uncorrected": "The error of the autopilot's horizon is not corrected.",

@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
-from companion.control.controller import VehicleModel
+from companion.control.controller import Controller, VehicleModel
 from companion.control.delay_predictor import Predictor
 from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains
@@ -34,6 +34,29 @@ class Knob:
         if self.linear:
             return (value - self.low) / (self.high - self.low)
         return math.log(max(value, self.low) / self.low) / math.log(self.high / self.low)
+
+
+class GainSpace(Protocol):
+    """Gains of a law that a search varies, and batches of them as one law."""
+
+    @property
+    def knobs(self) -> tuple[Knob, ...]:
+        """The numbers to search."""
+
+    def law_of(self, values: dict[str, Array], vehicle: VehicleModel, period_s: float) -> Controller:
+        """Return the laws of a batch of points (B,) as one law that flies (B,) vehicles."""
+
+    def previews_s(self, law: Any) -> Array:
+        """Return the preview of each law of such a batch, (B,), or one for all, (1,)."""
+
+    def penalty(self, points: Array) -> Array:
+        """Return what is added to the cost of points (P, knobs) that would be refused, or nearly, (P,)."""
+
+    def stable(self, values: dict[str, float]) -> bool:
+        """Return False for a point that the loader refuses."""
+
+    def toml(self, values: dict[str, float], command: str) -> str:
+        """Return a controller file with a point's values; `command` found them."""
 
 
 _OUTER = ("c1", "k1", "beta1", "gamma1", "k")
@@ -71,19 +94,19 @@ _SCALARS = (
 HIDDEN = 4
 
 
-def values_of(shares: Array) -> dict[str, Array]:
+def values_of(shares: Array, knobs: tuple[Knob, ...] = KNOBS) -> dict[str, Array]:
     """Points (B, knobs) of the unit cube as values, each (B,)."""
-    return {knob.name: knob.value(np.clip(shares[:, i], 0.0, 1.0)) for i, knob in enumerate(KNOBS)}
+    return {knob.name: knob.value(np.clip(shares[:, i], 0.0, 1.0)) for i, knob in enumerate(knobs)}
 
 
-def rounded(shares: Array) -> dict[str, float]:
+def rounded(shares: Array, knobs: tuple[Knob, ...] = KNOBS) -> dict[str, float]:
     """One point (knobs,) as it is written to a file: three significant digits."""
-    return {name: float(f"{value[0]:.3g}") for name, value in values_of(shares[None]).items()}
+    return {name: float(f"{value[0]:.3g}") for name, value in values_of(shares[None], knobs).items()}
 
 
-def shares_of(values: dict[str, float]) -> Array:
+def shares_of(values: dict[str, float], knobs: tuple[Knob, ...] = KNOBS) -> Array:
     """The point of the unit cube of such values."""
-    return np.array([knob.share(values[knob.name]) for knob in KNOBS])
+    return np.array([knob.share(values[knob.name]) for knob in knobs])
 
 
 def gains_of(values: dict[str, Array]) -> EtnnGains:

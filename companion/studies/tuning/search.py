@@ -11,20 +11,17 @@ from cmaes import CMA
 
 from companion.core.types import Array
 from companion.simulation.scene import Scene
-from companion.studies.tuning.gain_space import KNOBS, damping_margin
+from companion.studies.tuning.etnn_space import ETNN
+from companion.studies.tuning.gain_space import GainSpace
 from companion.studies.tuning.tuning import Marks, Trial, evaluate
 
 ERROR_M, UPDATES = 0.010, 0.05
 """Goals, and the scale of both objectives."""
 CHECK_SEED = 900_001
 """Seed of the vehicles that centres are checked on; those of training begin at a million."""
-_LEAST_MARGIN = 1.05
-"""A set whose filter loop is not stable by so much is marked down."""
 _KEPT_EVERY = 10
 _LEAST_UPDATES = 0.001
 """A vehicle that is given up sends nothing: no merit."""
-_STEP = 0.04
-"""Standard deviation of the first generation, in the unit cube."""
 
 
 Point = tuple[float, float]
@@ -48,6 +45,9 @@ class Plan:
     """Vehicles as the companion is told."""
     others: int = 2
     """Vehicles that differ from it; new ones in every generation, all of them."""
+    space: GainSpace = ETNN
+    step: float = 0.04
+    """Standard deviation of the first generation, in the unit cube."""
 
     def turn(self, generation: int) -> tuple[Scene, ...]:
         """Return the scenes of a generation: one experiment on each loop, in turn."""
@@ -92,15 +92,16 @@ def search(plan: Plan, start: Array, pool: Executor, told: Callable[[Generation,
 def _one_run(
     plan: Plan, start: Array, weight: float, run: int, pool: Executor, told: Callable[[Generation, Array], None]
 ) -> list[Centre]:
-    bounds = np.tile([0.0, 1.0], (len(KNOBS), 1))
+    bounds = np.tile([0.0, 1.0], (len(plan.space.knobs), 1))
     optimiser = CMA(
-        np.clip(start, 0.02, 0.98), _STEP, bounds=bounds, population_size=plan.population, seed=plan.seed + run
+        np.clip(start, 0.02, 0.98), plan.step, bounds=bounds, population_size=plan.population, seed=plan.seed + run
     )
     kept: list[Centre] = []
     for number in range(1, plan.generations + 1):
         points = np.array([optimiser.ask() for _ in range(plan.population)])
-        marks = marks_of(plan.turn(number), points, training_seed(plan, run, number), (plan.told, plan.others), pool)
-        costs = cost(marks, weight) + penalty(points)
+        trials = trials_of(plan.turn(number), training_seed(plan, run, number), (plan.told, plan.others), plan.space)
+        marks = marks_of(trials, points, pool)
+        costs = cost(marks, weight) + plan.space.penalty(points)
         optimiser.tell([(point, float(value)) for point, value in zip(points, costs, strict=True)])
         centre = np.clip(optimiser.mean, 0.0, 1.0)
         if number % _KEPT_EVERY == 0 or number == plan.generations:
@@ -114,12 +115,14 @@ def training_seed(plan: Plan, run: int, generation: int) -> int:
     return 1_000_000 * (plan.seed + 1) + run * plan.generations + generation
 
 
-def marks_of(
-    scenes: Sequence[Scene], points: Array, seed: int, vehicles: tuple[int, int], pool: Executor
-) -> list[Marks]:
-    """One entry a scene; `vehicles` is how many are as told, and how many are not."""
+def trials_of(scenes: Sequence[Scene], seed: int, vehicles: tuple[int, int], space: GainSpace) -> list[Trial]:
+    """One trial a scene; `vehicles` is how many are as told, and how many are not."""
     told, others = vehicles
-    trials = [Trial(scene, seed, tuple(range(told)), tuple(range(told, told + others))) for scene in scenes]
+    return [Trial(scene, seed, tuple(range(told)), tuple(range(told, told + others)), space) for scene in scenes]
+
+
+def marks_of(trials: Sequence[Trial], points: Array, pool: Executor) -> list[Marks]:
+    """One entry a trial."""
     return list(pool.map(evaluate, trials, [points] * len(trials)))
 
 
@@ -132,12 +135,6 @@ def cost(marks: Sequence[Marks], weight: float) -> Array:
     other = np.mean([np.log(mark.other_m / ERROR_M) for mark in marks], axis=0)
     updates = np.mean([np.log(np.maximum(mark.update_share, _LEAST_UPDATES) / UPDATES) for mark in marks], axis=0)
     return np.asarray(error + 0.5 * other + weight * updates)
-
-
-def penalty(points: Array) -> Array:
-    """Return the penalty (P,) of sets that fail, or nearly fail, the stability check of the filter loop."""
-    short = _LEAST_MARGIN - damping_margin(points)
-    return np.where(short > 0.0, 1.0 + 5.0 * short, 0.0)
 
 
 def _generation(weight: float, number: int, marks: Sequence[Marks]) -> Generation:

@@ -22,7 +22,8 @@ from companion.studies.sweep.sweep_vehicles import (
     draw,
     vehicles,
 )
-from companion.studies.tuning.gain_space import law_of, values_of
+from companion.studies.tuning.etnn_space import ETNN
+from companion.studies.tuning.gain_space import GainSpace, values_of
 from companion.trajectories.reference import Ellipse, FigureEight
 
 WORST_M = 0.5
@@ -41,6 +42,7 @@ class Trial:
     """Indices of vehicles that are as the companion is told, and begin in the right place."""
     others: tuple[int, ...]
     """Indices of vehicles that differ from it, as in a sweep; the first is as hard to hold as a sweep's can be."""
+    space: GainSpace = ETNN
 
 
 @dataclass(frozen=True)
@@ -61,11 +63,11 @@ def evaluate(trial: Trial, shares: Array) -> Marks:
     """Fly every point (P, knobs) of the gain space on every vehicle of the trial."""
     scene, sets, told = trial.scene, len(shares), len(trial.told)
     drawn = drawn_vehicles(trial)
-    each = {name: np.repeat(value, len(drawn.flight_seed)) for name, value in values_of(shares).items()}
-    law = law_of(each, scene.vehicle_model(), scene.period_s)
+    values = values_of(shares, trial.space.knobs)
+    each = {name: np.repeat(value, len(drawn.flight_seed)) for name, value in values.items()}
+    law = trial.space.law_of(each, scene.vehicle_model(), scene.period_s)
     pilot = scene.pilot(LoadedController("candidate", law, ErrorLimits()))
-    assert law.predictor is not None
-    previews_s = np.asarray(law.predictor.preview_s)[:, 0]
+    previews_s = np.broadcast_to(trial.space.previews_s(law), sets * len(drawn.flight_seed))
     mission = looking_ahead(scene.trajectory, previews_s, scene.settle_s, scene.period_s)
     vehicle = vehicles(scene, _tiled(drawn, sets), len(mission.time_s))
     trace = simulate(pilot, vehicle, mission, np.tile(drawn.flight_seed, sets).tolist())
