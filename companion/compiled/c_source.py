@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,10 +40,13 @@ def _constants(function: str, argument: str, paths: list[str]) -> str:
     return f"enum {{ {', '.join([*named, f'{function}_{argument}_size = {len(paths)}'])} }};"
 
 
-def traced(name: str, function: Callable[..., dict[str, object]], **examples: object) -> CFunction:
+def traced(
+    name: str, function: Callable[..., dict[str, object]], *, fixed: Collection[str] = (), **examples: object
+) -> CFunction:
     """Call a function with numbers that write down what is done to them; `examples` have the shapes of its arguments.
 
-    It returns named values; each argument and each of these is one vector of doubles.
+    It returns named values; each argument and each of these is one vector of doubles. What depends on the arguments
+    `fixed` alone is worked out by a function of its own, NAME_known, whose result NAME takes as its last argument.
     """
     Traced.forget()
     takes = {argument: _names(example) for argument, example in examples.items()}
@@ -55,10 +58,35 @@ def traced(name: str, function: Callable[..., dict[str, object]], **examples: ob
         for result, numbers in results.items()
         for index, (_, number) in enumerate(numbers)
     ]
+    roots = [number for _, number in stores if isinstance(number, Traced)]
+    known = _known(roots, fixed) if fixed else []
+    beforehand = _c_function(
+        f"{name}_known", [*fixed], ["known"], _Body([(f"known[{index}]", node) for index, node in enumerate(known)])
+    )
+    body = _Body(stores, {node: f"known[{index}]" for index, node in enumerate(known)})
+    whole = _c_function(name, [*takes, "known"] if fixed else [*takes], [*returns], body)
+    returns |= {"known": [str(index) for index in range(len(known))]} if fixed else {}
+    return CFunction(name, takes, returns, beforehand + whole if fixed else whole)
+
+
+def _c_function(name: str, takes: list[str], returns: list[str], body: "_Body") -> str:
     vectors = [f"const double *{argument}" for argument in takes] + [f"double *{result}" for result in returns]
-    body = _Body(stores).lines()
-    source = "\n".join([f"static void {name}({', '.join(vectors)})", "{", *body, "}", ""])
-    return CFunction(name, takes, returns, source)
+    return "\n".join([f"static void {name}({', '.join(vectors)})", "{", *body.lines(), "}", "", ""])
+
+
+def _known(roots: list[Traced], fixed: Collection[str]) -> list[Traced]:
+    """Return the numbers worth keeping that depend on fixed arguments alone, and that others need."""
+    cost: dict[Traced, int] = {}
+    kept: dict[Traced, None] = {}
+    for node in _in_order(roots):
+        parts = [part for part in node.operands if isinstance(part, Traced)]
+        is_input = node.operation == "input"
+        alone = node.name.split("[")[0] in fixed if is_input else all(part in cost for part in parts)
+        if alone:
+            cost[node] = sum(cost[part] for part in parts) + (0 if is_input else _COSTS.get(node.operation, 1))
+        else:
+            kept |= dict.fromkeys(part for part in parts if cost.get(part, 0) >= _KEPT)
+    return [node for node in kept if node.operation not in _TRUTHS]
 
 
 def _names(example: object) -> list[str]:
@@ -98,8 +126,9 @@ class _Blocks:
     A `where` whose sides are costly becomes an `if`; all of one condition become one, unless one needs another.
     """
 
-    def __init__(self, roots: list[Traced]) -> None:
-        self.order = _in_order(roots)
+    def __init__(self, roots: list[Traced], known: Collection[Traced]) -> None:
+        self.order = _in_order(roots, known)
+        self._known = known
         self.place = {node: place for place, node in enumerate(self.order)}
         self._roots = roots
         self.eager: set[Traced] = set()
@@ -111,7 +140,7 @@ class _Blocks:
         self.paths = self._paths()
         self.groups: dict[tuple[Path, int], list[Traced]] = {}
         for node in self.order:
-            if node.operation == "where" and node not in self.eager:
+            if node.operation == "where" and node not in self.eager and node not in self._known:
                 self.groups.setdefault((self.paths[node], self.condition(node)), []).append(node)
         before = len(self.eager)
         for (path, condition), members in self.groups.items():
@@ -120,7 +149,7 @@ class _Blocks:
             for node, where in self.paths.items():
                 if where[: len(path) + 1] in sides:
                     cost[where[len(path)][1]] += _COSTS.get(node.operation, 1)
-            self.eager |= set(members) if max(cost) < _WORTH else _dependent(members)
+            self.eager |= set(members) if max(cost) < _WORTH else _dependent(members, self._known)
         return len(self.eager) > before
 
     def condition(self, where: Traced) -> int:
@@ -131,7 +160,7 @@ class _Blocks:
         found: dict[Traced, Path] = dict.fromkeys(self._roots, ())
         for node in reversed(self.order):
             path = found[node]
-            for index, part in enumerate(node.operands):
+            for index, part in enumerate(() if node in self._known else node.operands):
                 if not isinstance(part, Traced):
                     continue
                 lazy = node.operation == "where" and index > 0 and node not in self.eager
@@ -140,6 +169,8 @@ class _Blocks:
         return found
 
 
+_KEPT = 4
+"""Least cost of a number that is kept rather than worked out again."""
 _WORTH = 12
 """Least cost of a side for which an `if` pays; a multiplication costs 1."""
 _COSTS = {"/": 4, "sqrt": 5, "pow": 40, "norm": 40} | dict.fromkeys(
@@ -147,13 +178,14 @@ _COSTS = {"/": 4, "sqrt": 5, "pow": 40, "norm": 40} | dict.fromkeys(
 )
 
 
-def _in_order(roots: list[Traced]) -> list[Traced]:
+def _in_order(roots: list[Traced], known: Collection[Traced] = ()) -> list[Traced]:
     """Return all numbers that are needed, operands first; without recursion, as graphs are deep."""
     done: dict[Traced, None] = {}
     waiting = list(reversed(roots))
     while waiting:
         node = waiting[-1]
-        missing = [part for part in node.operands if isinstance(part, Traced) and part not in done]
+        parts = () if node in known else node.operands
+        missing = [part for part in parts if isinstance(part, Traced) and part not in done]
         if missing:
             waiting += reversed(missing)
             continue
@@ -168,11 +200,13 @@ def _common(a: Path, b: Path) -> Path:
     return a[:same]
 
 
-def _dependent(members: list[Traced]) -> set[Traced]:
+def _dependent(members: list[Traced], known: Collection[Traced]) -> set[Traced]:
     """Return those that need another of them."""
     own, needs = set(members), set[Traced]()
-    for node in _in_order(members):
-        if any(isinstance(part, Traced) and (part in own or part in needs) for part in node.operands):
+    for node in _in_order(members, known):
+        if node not in known and any(
+            isinstance(part, Traced) and (part in own or part in needs) for part in node.operands
+        ):
             needs.add(node)
     return own & needs
 
@@ -180,9 +214,9 @@ def _dependent(members: list[Traced]) -> set[Traced]:
 class _Body:
     """Statements of a function that stores these numbers."""
 
-    def __init__(self, stores: list[tuple[str, object]]) -> None:
-        self._stores = stores
-        self._blocks = _Blocks([number for _, number in stores if isinstance(number, Traced)])
+    def __init__(self, stores: Sequence[tuple[str, object]], known: Mapping[Traced, str] | None = None) -> None:
+        self._stores, self._known = stores, known or {}
+        self._blocks = _Blocks([number for _, number in stores if isinstance(number, Traced)], self._known)
         self._by_path: dict[Path, list[Traced]] = {}
         for node in self._blocks.order:
             self._by_path.setdefault(self._blocks.paths[node], []).append(node)
@@ -206,6 +240,9 @@ class _Body:
         """Write one number of a block, and first what it needs that is not written yet."""
         if node in self._local:
             return
+        if node in self._known:
+            self._declare(node)
+            return
         if node.operation == "where" and node not in self._blocks.eager:
             self._if(self._blocks.groups[path, self._blocks.condition(node)], path)
             return
@@ -223,7 +260,7 @@ class _Body:
         sides = [(*path, (condition, side)) for side in (True, False)]
         inner = [node for where, nodes in self._by_path.items() if where[: len(path) + 1] in sides for node in nodes]
         for node in members + inner:
-            for part in node.operands:
+            for part in () if node in self._known else node.operands:
                 if isinstance(part, Traced) and self._blocks.paths[part] == path:
                     self._write(part, path)
         indent = "    " * (len(path) + 1)
@@ -242,7 +279,9 @@ class _Body:
 
     def _declare(self, node: Traced) -> None:
         kind = "int" if node.operation in _TRUTHS else "double"
-        if node.operation != "input" and node not in self._local:
+        if node in self._known:
+            self._local.setdefault(node, self._known[node])
+        elif node.operation != "input" and node not in self._local:
             name = f"{'c' if kind == 'int' else 't'}{len(self._local)}"
             indent = "    " * (len(self._blocks.paths[node]) + 1)
             self._statements.append(f"{indent}const {kind} {name} = {self._expression(node)};")

@@ -84,6 +84,7 @@ struct memory {
     double airframe[step_before_size], filters[estimate_before_size], held[fly_memory_size];
     double horizons[send_before_size], last[5], wire[5], pose[estimate_pose_size], gust[3];
     double poses[RING][7], turns[RING][4], wires[RING][5];
+    double known_law[fly_known_size], known_rules[send_known_size];
     double stamp_s;
 };
 
@@ -160,10 +161,9 @@ static void control(struct memory *m, const struct flight *f, int64_t cycle, int
     memcpy(given + fly_given_last_q_w_flu_wxyz, m->last, 5 * sizeof(double));
     if (f->known)
         memcpy(given + fly_given_known_accel_b_mps2, f->known + 3 * cycle, 3 * sizeof(double));
-    given[fly_given_dt_s] = f->period_s;
     if (cycle == 0)
-        begin_law(given, f->law, f->network, m->held);
-    fly(m->held, given, f->law, m->held, setpoint, row + 6);
+        begin_law(given, f->law, &f->period_s, f->network, m->held);
+    fly(m->held, given, f->law, &f->period_s, m->known_law, m->held, setpoint, row + 6);
     memcpy(sending, setpoint, sizeof setpoint);
     sending[send_given_is_new] = differ(setpoint, m->last);
     memcpy(sending + send_given_last_q_w_flu_wxyz, m->wire, 5 * sizeof(double));
@@ -171,9 +171,9 @@ static void control(struct memory *m, const struct flight *f, int64_t cycle, int
     sending[send_given_age_s] = age_s;
     believed(m, f, step, sending + send_given_autopilot_q_w_flu_wxyz);
     sending[send_given_autopilot_age_s] = f->report_age_s;
-    sending[send_given_dt_s] = f->period_s;
     if (f->corrects)
-        send(m->horizons, sending, f->rules, f->law + fly_law_limits_max_tilt_rad, m->horizons, wire);
+        send(m->horizons, sending, f->rules, f->law + fly_law_limits_max_tilt_rad, &f->period_s, m->known_rules, m->horizons,
+             wire);
     else
         memcpy(wire, setpoint, sizeof wire);
     row[10] = differ(wire, m->wire);
@@ -202,9 +202,19 @@ static void drive(struct memory *m, const struct flight *f, int64_t s)
         if (s == 0)
             memcpy(m->airframe + step_before_rate_before, m->airframe + 10, 3 * sizeof(double));
     }
-    driven[step_driven_dt_s] = f->step_s;
     step(m->airframe, driven, f->carrier, m->airframe);
     remember_pose(m, f, s + 1);
+}
+
+/* The walk of an autopilot's horizon, (samples, 2): each sample is what the one before left of it, and a draw. */
+void walk(double *errors, int64_t samples, double keep, double fresh, const double *first, const double *draws)
+{
+    double now[2] = {first[0], first[1]};
+    for (int64_t i = 0; i < samples; i++)
+        for (int axis = 0; axis < 2; axis++) {
+            errors[2 * i + axis] = now[axis];
+            now[axis] = keep * now[axis] + fresh * draws[2 * i + axis];
+        }
 }
 
 /* Fly one vehicle; returns the number of cycles flown, fewer than asked where one is left to Python. */
@@ -219,6 +229,8 @@ int64_t fly_vehicle(const struct flight *f)
     m.horizons[send_before_turn_w] = 1.0;
     memcpy(m.last, f->first_setpoint, sizeof m.last);
     memcpy(m.wire, f->first_setpoint, sizeof m.wire);
+    fly_known(f->law, &f->period_s, m.known_law);
+    send_known(f->rules, f->law + fly_law_limits_max_tilt_rad, &f->period_s, m.known_rules);
     remember_pose(&m, f, 0);
     for (int64_t cycle = 0; cycle < f->cycles; cycle++) {
         const int64_t first = cycle * f->steps_per_cycle;

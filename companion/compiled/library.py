@@ -12,7 +12,7 @@ _FOLDER = Path(__file__).parent
 SOURCE = _FOLDER / "flight.c"
 _SUFFIX = sysconfig.get_config_var("EXT_SUFFIX") or ".so"
 LIBRARY = _FOLDER / f"_flight{_SUFFIX}"
-FLAGS = ("-O2", "-ffp-contract=off", "-fno-builtin-pow", "-fPIC", "-shared")
+FLAGS = ("-O2", "-ffp-contract=off", "-fno-builtin-pow", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 """Nothing that changes a number: no contraction, no fast maths; and pow(x, 2) stays the call that Python makes."""
 
 log = logging.getLogger(__name__)

@@ -87,8 +87,8 @@ def _predict_and_correct(
     """Predict all vehicles to the stamp and correct them, as `estimator.step` does for an accepted frame."""
     dt_s = stamp_s - before.captured_s
     motion = kalman.predict(before.motion, column(dt_s), params.jerk_density)
-    motion = kalman.update(motion, position_w_m, params.noise_m**2)
+    motion = kalman.update(motion, position_w_m, params.noise_m * params.noise_m)
     attitude = att.predict(before.attitude, dt_s, params.angular_jerk_density)
     w, x, y, z = unstack(q_w_flu_wxyz)
     innovation = att.innovation_of_quat_rad(attitude, (w, x, y, z))
-    return BatchEstimate(motion, att.update(attitude, innovation, params.noise_rad**2), stamp_s)
+    return BatchEstimate(motion, att.update(attitude, innovation, params.noise_rad * params.noise_rad), stamp_s)

@@ -82,8 +82,8 @@ def _own_step(
     off = _distance(pose[:3], motion.position), hypot(*innovation)
     if not _possible(*off, motion, attitude, dt_s, params) or _continues_outlier(state, pose, off, params):
         return _outlier(state, measured, params)
-    motion = kalman.update(motion, pose[:3], params.noise_m**2)
-    attitude = att.update(attitude, innovation, params.noise_rad**2)
+    motion = kalman.update(motion, pose[:3], params.noise_m * params.noise_m)
+    attitude = att.update(attitude, innovation, params.noise_rad * params.noise_rad)
     return _accepted(state, Verdict.ACCEPTED, measured, params, motion, attitude)
 
 
@@ -92,7 +92,9 @@ def first_covariances(params: EstimatorParams) -> tuple[Covariance, Covariance]:
 
     The vehicle is assumed at rest, to within 1 m/s and 5 m/s^2, 1 rad/s and 10 rad/s^2.
     """
-    return kalman.first_covariance(params.noise_m), Covariance(params.noise_rad**2, 0.0, 0.0, 1.0, 0.0, 100.0)
+    return kalman.first_covariance(params.noise_m), Covariance(
+        params.noise_rad * params.noise_rad, 0.0, 0.0, 1.0, 0.0, 100.0
+    )
 
 
 def age_s(state: EstimatorState, now_s: float) -> float:

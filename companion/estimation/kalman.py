@@ -43,7 +43,7 @@ class Motion:
 
 def first_covariance(noise: float) -> Covariance:
     """Return the covariance after one position of this deviation: at rest, to within 1 unit/s and 5 unit/s^2."""
-    return Covariance(noise**2, 0.0, 0.0, 1.0, 0.0, 25.0)
+    return Covariance(noise * noise, 0.0, 0.0, 1.0, 0.0, 25.0)
 
 
 def grow(c: Covariance, dt: Scalar, density: float) -> Covariance:

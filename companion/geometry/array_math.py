@@ -167,8 +167,10 @@ def _summed(a: list[Scalar], b: list[Scalar]) -> Scalar:
 @overload
 def where(condition: Flag, if_true: Array, if_false: Array) -> Array: ...
 @overload
+def where(condition: Flag, if_true: Flag, if_false: Flag) -> Flag: ...
+@overload
 def where(condition: Flag, if_true: Scalar, if_false: Scalar) -> Scalar: ...
-def where(condition: Flag, if_true: Scalar, if_false: Scalar) -> Scalar:
+def where(condition: Flag, if_true: Scalar | Flag, if_false: Scalar | Flag) -> Scalar | Flag:
     """Return `if_true` where `condition` holds, else `if_false`: np.where for a batch."""
     if isinstance(condition, np.ndarray):
         return np.where(condition, if_true, if_false)

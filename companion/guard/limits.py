@@ -108,8 +108,8 @@ def _valid_or_last(setpoint: AttitudeThrust, last: AttitudeThrust) -> tuple[Arra
     bad = usable ^ True  # "not", of a truth value and of an array
     if not any_true(bad):
         return q / column(size), thrust, bad
-    safe_q = where(column(bad), last.q_w_flu_wxyz, q)
-    return safe_q / column(_length(safe_q)), where(bad, item(last.thrust), thrust), bad
+    safe_q, size = where(column(bad), last.q_w_flu_wxyz, q), where(bad, _length(last.q_w_flu_wxyz), size)
+    return safe_q / column(size), where(bad, item(last.thrust), thrust), bad
 
 
 def _length(q: Array) -> Scalar:
@@ -127,7 +127,7 @@ def _slew_attitude(q: Array, last: Array, max_turn_rad: float) -> tuple[Array, F
     vector = rotation_vector_from_quat(quat_multiply(quat_conjugate(last), q))
     square = dot(vector, vector)
     angle = math_module(square).sqrt(square)
-    cut = angle > max_turn_rad
+    cut = where(far, angle > max_turn_rad, far)
     # the smaller of the two: without a time limit the allowed turn is infinite, and 0 times infinity is no item
     shorter = vector * column(minimum(angle, max_turn_rad) / maximum(angle, 1e-12))
     return where(column(cut), quat_multiply(last, quat_from_rotation_vector(shorter)), q), cut
@@ -146,7 +146,7 @@ def inside_cone(q: Array, max_tilt_rad: float) -> tuple[Array, Flag]:
     m = math_module(z)
     horizontal = m.sqrt(x * x + y * y)
     tilt = m.atan2(horizontal, z)
-    cut, size = tilt > max_tilt_rad, maximum(horizontal, 1e-9)
+    cut, size = where(beyond, tilt > max_tilt_rad, beyond), maximum(horizontal, 1e-9)
     # the horizontal axis about which level was tilted to `up`: e3 x up; exactly inverted, any axis is right
     axis_x, axis_y = where(horizontal > 1e-9, -y / size, 1.0), where(horizontal > 1e-9, x / size, 0.0)
     back = 0.5 * (max_tilt_rad - tilt)

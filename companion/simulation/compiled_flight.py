@@ -25,7 +25,7 @@ from companion.simulation.virtual_world import STEP_S, VirtualVehicle, hover_sig
 from mock_autopilot.physics.arms import Coupling
 from mock_autopilot.physics.disturbance import BLOCK, noise_of, steady_series
 from mock_autopilot.physics.plant import PlantParams
-from mock_autopilot.px4.attitude_error import SAMPLE_HZ, AttitudeErrorSamples
+from mock_autopilot.px4.attitude_error import SAMPLE_HZ, AttitudeErrorSamples, Walk
 
 RING, ROW = 128, 11
 _DOUBLES = ctypes.POINTER(ctypes.c_double)
@@ -60,7 +60,7 @@ def fly(
     law = _law_of(pilot)
     if loaded is None or law is None or not _fits(vehicle):
         return None
-    flights = _Flights(pilot, law, vehicle, mission, seeds)
+    flights = _Flights(loaded, pilot, law, vehicle=vehicle, mission=mission, seeds=seeds)
     rows = np.empty((len(seeds), len(mission.time_s), ROW))
     for index in range(len(seeds)):
         flown = loaded.fly_vehicle(ctypes.byref(flights.prepared(index, rows[index], strict=not lead)))
@@ -109,7 +109,15 @@ def _fits(vehicle: VirtualVehicle) -> bool:
 class _Flights:
     """Flights of a batch, or of one vehicle, with everything but their noise."""
 
-    def __init__(self, pilot: Any, law: Law, vehicle: VirtualVehicle, mission: Mission, seeds: Sequence[int]) -> None:
+    def __init__(
+        self,
+        loaded: ctypes.CDLL,
+        pilot: Any,
+        law: Law,
+        vehicle: VirtualVehicle,
+        mission: Mission,
+        seeds: Sequence[int],
+    ) -> None:
         self._pilot, self._vehicle, self._lead = pilot, vehicle, mission.lead
         self._cycles, self._per_cycle = len(mission.time_s), round(pilot.period_s / STEP_S)
         self._steps = self._cycles * self._per_cycle
@@ -127,11 +135,12 @@ class _Flights:
             columns = (table.moment, table.momentum, table.force, table.torque)
             self._arms = np.ascontiguousarray(np.concatenate([column[: self._steps] for column in columns], axis=-1))
         self._yaw_rad = np.broadcast_to(mission.now.yaw_rad[0], self._lead or (1,))
-        self._generators(seeds)
+        self._generators(seeds, loaded)
+        self._signal = hover_signal(vehicle.plant, self._lead)
         self._looks = np.empty((self._cycles, 6))
         self._gusts = np.empty((-(-self._steps // BLOCK) * BLOCK, 3))
 
-    def _generators(self, seeds: Sequence[int]) -> None:
+    def _generators(self, seeds: Sequence[int], loaded: ctypes.CDLL) -> None:
         """Every vehicle's own random numbers, as VirtualWorld draws them."""
         children = [np.random.SeedSequence(seed).spawn(3) for seed in seeds]
         self._rngs = [(np.random.default_rng(eye), np.random.default_rng(force)) for eye, force, _ in children]
@@ -139,8 +148,12 @@ class _Flights:
         if self._vehicle.attitude_error.present:
             rngs = [np.random.default_rng(horizon) for _, _, horizon in children]
             samples = AttitudeErrorSamples(self._vehicle.attitude_error, rngs, (len(seeds),))
-            rows = samples.more(int(self._steps * STEP_S * SAMPLE_HZ) + 3)
-            self._errors = np.ascontiguousarray(np.swapaxes(rows, 0, 1))
+            count = int(self._steps * STEP_S * SAMPLE_HZ) + 3
+            walk = samples.walk(count)
+            if walk is None:
+                self._errors = np.ascontiguousarray(np.swapaxes(samples.more(count), 0, 1))
+            else:
+                self._errors = _walked(walk, loaded)
 
     def _flat(self, value: object, like: object) -> Array:
         """Return all numbers of a value as a row for each vehicle, (vehicles or 1, n)."""
@@ -151,7 +164,7 @@ class _Flights:
         inertia, trim_s, trimmed = np.ones(3), np.ones(3), np.zeros((*lead, 3))
         if v.arms is not None:
             inertia, trim_s = np.array(v.arms.inertia_kgm2), np.array(v.arms.trim_s)
-            coupling = Coupling(v.arms.table.at(0), v.plant.mass_kg, v.arms.inertia_kgm2, v.arms.trim_s)
+            coupling = Coupling(v.arms.table.first, v.plant.mass_kg, v.arms.inertia_kgm2, v.arms.trim_s)
             trimmed = np.stack(np.broadcast_arrays(*coupling._trimmed), axis=-1)
         carrier = carrier_of(v.plant, inertia, trim_s, lead)
         s = hovering(start_w_m, v.plant)
@@ -195,7 +208,7 @@ class _Flights:
             corrects=pilot.horizon.enabled,
             period_s=pilot.period_s,
             step_s=STEP_S,
-            first_signal=one(hover_signal(v.plant, self._lead)),
+            first_signal=one(self._signal),
             report_age_s=one(steps_of(v.report_delay_s) * STEP_S),
             sample_hz=SAMPLE_HZ,
             force_scale=one(v.force_scale),
@@ -221,6 +234,17 @@ class _Flights:
             known=None if self._known is None else row(self._known),
             rows=address(rows),
         )
+
+
+def _walked(walk: Walk, loaded: ctypes.CDLL) -> Array:
+    """Return the errors of each vehicle's horizon (rad), (vehicles, samples, 2)."""
+    errors = np.empty_like(walk.draws)
+    for rows, first, keep, fresh, draws in zip(errors, walk.first, walk.keep, walk.fresh, walk.draws, strict=True):
+        ends = (ctypes.c_double(keep), ctypes.c_double(fresh))
+        addresses = (ctypes.c_void_p(array.ctypes.data) for array in (rows, first, draws))
+        place, begin, drawn = addresses
+        loaded.walk(place, ctypes.c_int64(len(rows)), *ends, begin, drawn)
+    return errors
 
 
 def flat(value: object, like: object, lead: tuple[int, ...]) -> Array:

@@ -38,14 +38,14 @@ def score(trace: Trace, from_s: float = 0.0) -> Score:
     """
     if trace.flown is not None:
         return _score_of_parts(trace, trace.flown, from_s)
-    counted = trace.time_s >= from_s - 1e-9
+    begin = int((trace.time_s < from_s - 1e-9).sum())
     error = np.abs(trace.error_w_m)
-    far = np.sqrt((error**2).sum(axis=-1)).max(axis=0)
+    far = np.sqrt(np.vecdot(error, error).max(axis=0))
     return Score(
-        error[counted].mean(axis=0),
-        error[counted].max(axis=0),
-        trace.sent[counted].mean(axis=0),
-        trace.event[counted].mean(axis=0),
+        error[begin:].mean(axis=0),
+        error[begin:].max(axis=0),
+        trace.sent[begin:].mean(axis=0),
+        trace.event[begin:].mean(axis=0),
         ~(far <= LOST_M),
         np.zeros(far.shape, dtype=bool),
     )

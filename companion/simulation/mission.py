@@ -59,6 +59,10 @@ def _times_s(trajectory: Trajectory, settle_s: float, period_s: float, beyond: i
 
 def stacked(missions: Sequence[Mission]) -> Mission:
     """Return missions as one batch; the shorter ones hold their ends until the longest is over."""
+    first = missions[0]
+    if all(mission is first for mission in missions):
+        tables = (_repeated(table, len(missions)) for table in (first.now, first.ahead))
+        return Mission(first.time_s, *tables)
     longest = max(missions, key=lambda mission: len(mission.time_s))
     count = len(longest.time_s)
     return Mission(
@@ -66,6 +70,12 @@ def stacked(missions: Sequence[Mission]) -> Mission:
         _side_by_side([mission.now for mission in missions], count),
         _side_by_side([mission.ahead for mission in missions], count),
     )
+
+
+def _repeated(table: References, count: int) -> References:
+    """Return one table for all of a batch, without a copy of it for each."""
+    columns = (np.asarray(getattr(table, name)) for name in _COLUMNS)
+    return References(*(np.broadcast_to(each[:, None], (len(each), count, *each.shape[1:])) for each in columns))
 
 
 def _table(trajectory: Trajectory, time_s: Array) -> References:

@@ -143,7 +143,15 @@ class Scene:
 
     def mission(self, preview_s: float) -> Mission:
         """Return the mission for a law that looks `preview_s` ahead."""
-        return mission_of(self.trajectory, preview_s + self.up_age_s, self.settle_s, self.period_s)
+        known = self._missions.get(preview_s)
+        if known is None:
+            known = mission_of(self.trajectory, preview_s + self.up_age_s, self.settle_s, self.period_s)
+            self._missions[preview_s] = known
+        return known
+
+    @cached_property
+    def _missions(self) -> dict[float, Mission]:
+        return {}
 
     def pilot(self, controller: LoadedController, feedforward: Feedforward | None = None) -> Pilot:
         """Return the companion with this law; `feedforward` overrides the configuration's."""

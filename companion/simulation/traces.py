@@ -130,7 +130,6 @@ class Given:
     ahead: Reference
     last: AttitudeThrust
     known_accel_b_mps2: Array
-    dt_s: float
 
 
 @value(kw_only=True)
@@ -164,25 +163,25 @@ def estimate(before: Filters, pose: Numbers, dt_s: float, params: EstimatorParam
     gate_m, gate_rad = estimator.gates(motion, attitude, dt_s, params)
     near = a * a + b * b + c * c <= _SURELY * gate_m * gate_m
     accepted = near & (x * x + y * y + z * z <= _SURELY * gate_rad * gate_rad)
-    motion = kalman.update(motion, pose[:3], params.noise_m**2)
+    motion = kalman.update(motion, pose[:3], params.noise_m * params.noise_m)
     return {
-        "after": Filters(motion, att.update(attitude, innovation, params.noise_rad**2)),
+        "after": Filters(motion, att.update(attitude, innovation, params.noise_rad * params.noise_rad)),
         "accepted": (accepted,),
     }
 
 
-def begin_law(given: Given, law: Law, network: NetworkState) -> dict[str, object]:
+def begin_law(given: Given, law: Law, dt_s: float, network: NetworkState) -> dict[str, object]:
     """Return the pipeline's memory at lift-off."""
     known = turned(given.state.q_w_flu_wxyz, given.known_accel_b_mps2)
-    first = law.pipeline()._given(given.state, given.age_s, given.ahead, given.last, given.dt_s, known)
+    first = law.pipeline()._given(given.state, given.age_s, given.ahead, given.last, dt_s, known)
     return {"after": law.pipeline().begin(first, network)}
 
 
-def fly(memory: Held, given: Given, law: Law) -> dict[str, object]:
+def fly(memory: Held, given: Given, law: Law, dt_s: float) -> dict[str, object]:
     """Run one cycle of law, conversion and limits."""
     pipeline, known = law.pipeline(), turned(given.state.q_w_flu_wxyz, given.known_accel_b_mps2)
     pipeline.hold(memory)
-    output = pipeline.fly(given.state, given.age_s, given.ahead, given.last, given.dt_s, known)
+    output = pipeline.fly(given.state, given.age_s, given.ahead, given.last, dt_s, known)
     pipeline.settle()
     command = (output.law_output.accel_w_mps2, output.law_output.event)
     return {"after": pipeline.held(), "setpoint": output.limited.setpoint, "command": command}
@@ -208,7 +207,6 @@ class Sending:
     age_s: float
     autopilot_q_w_flu_wxyz: Array
     autopilot_age_s: float
-    dt_s: float
 
 
 class _Wire(WireSetpoint):
@@ -221,7 +219,7 @@ class _Wire(WireSetpoint):
         return Horizons(horizon=self._horizon, held=self._held, turn_w=self._turn_w)
 
 
-def send(before: Horizons, given: Sending, rules: HorizonRules, limits: Limits) -> dict[str, object]:
+def send(before: Horizons, given: Sending, rules: HorizonRules, limits: Limits, dt_s: float) -> dict[str, object]:
     """Correct the autopilot's horizon in a setpoint, while the law flies and motion capture is trusted."""
     wire = _Wire(HorizonRules(**vars(rules) | {"enabled": True}), limits)
     wire.hold(before)
@@ -234,7 +232,7 @@ def send(before: Horizons, given: Sending, rules: HorizonRules, limits: Limits) 
         trusted=True,
         flying=True,
     )
-    put = wire.put(given.setpoint, given.is_new, given.last, inputs, given.dt_s)
+    put = wire.put(given.setpoint, given.is_new, given.last, inputs, dt_s)
     return {"after": wire.horizons(), "wire": put.setpoint}
 
 
@@ -259,7 +257,6 @@ class Driven:
     moving: Moving
     carried: float
     """1 with arms."""
-    dt_s: float
 
 
 @value(kw_only=True)
@@ -279,7 +276,7 @@ def step(before: Airframe, driven: Driven, carrier: Carrier) -> dict[str, object
     arms._mass_kg, arms._inertia_kgm2, arms._trim_time_s = carrier.mass_kg, carrier.inertia_kgm2, (p, r, y)
     arms._rate, arms._trimmed = before.rate_before, before.trimmed
     rate, q = state.rate_frd_radps, state.q_ned_frd_wxyz
-    (i, j, k), push = arms.pushed(rate, q, state.thrust_n, state.on_ground, driven.moving, driven.dt_s)
+    (i, j, k), push = arms.pushed(rate, q, state.thrust_n, state.on_ground, driven.moving, carrier.fixed.dt_s)
     x, y, z = driven.force_ned_n
     carried = driven.carried != 0.0
     force = where_each(carried, (x + i, y + j, z + k), (x, y, z))
@@ -327,7 +324,6 @@ def functions() -> list[CFunction]:
         ahead=Reference(zero, zero, zero, 0.0),
         last=setpoint,
         known_accel_b_mps2=zero,
-        dt_s=0.01,
     )
     law, network = example_law(), initial_network(EtnnGains())
     memory = law.pipeline().begin(law.pipeline()._given(state, 0.0, given.ahead, setpoint, 0.01, zero), network)
@@ -339,7 +335,6 @@ def functions() -> list[CFunction]:
         age_s=0.0,
         autopilot_q_w_flu_wxyz=level,
         autopilot_age_s=0.0,
-        dt_s=0.01,
     )
     horizons = Horizons(horizon=no_horizon(), held=no_horizon(), turn_w=level)
     airframe = Airframe(state=plant_one.in_floats(at_rest(zero)), rate_before=three, trimmed=three)
@@ -350,15 +345,23 @@ def functions() -> list[CFunction]:
         force_ned_n=three,
         moving=Moving(three, three, three, three),
         carried=1.0,
-        dt_s=0.005,
     )
     carrier = carrier_of(PlantParams(), zero, zero, ())
     return [
         traced("begin_estimate", begin_estimate, pose=pose, params=params),
         traced("estimate", estimate, before=filters, pose=pose, dt_s=0.01, params=params),
-        traced("begin_law", begin_law, given=given, law=law, network=network),
-        traced("fly", fly, memory=memory, given=given, law=law),
-        traced("send", send, before=horizons, given=sending, rules=HorizonRules(), limits=Limits()),
+        traced("begin_law", begin_law, given=given, law=law, dt_s=0.01, network=network),
+        traced("fly", fly, memory=memory, given=given, law=law, dt_s=0.01, fixed=("law", "dt_s")),
+        traced(
+            "send",
+            send,
+            before=horizons,
+            given=sending,
+            rules=HorizonRules(),
+            limits=Limits(),
+            dt_s=0.01,
+            fixed=("rules", "limits", "dt_s"),
+        ),
         traced("step", step, before=airframe, driven=driven, carrier=carrier),
         traced("horizon_turn", horizon_turn, error_rad=four, share=(0.0,)),
         traced("look", look, pose=(0.0,) * 7, noise=np.zeros(6), size=(0.0, 0.0)),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from mock_autopilot.config import ArmsConfig
-from mock_autopilot.physics.arm_bodies import JOINTS_PER_ARM, JointState, Moving, add, arm_motion
+from mock_autopilot.physics.arm_bodies import JOINTS_PER_ARM, JointState, Moving, Three, add, arm_motion
 from mock_autopilot.physics.arms import OUTWARD, Assembly
 from mock_autopilot.physics.quaternion import Array
 from mock_autopilot.servos.rack import ServoRack
@@ -36,6 +36,11 @@ class ArmTable:
     def at(self, step: int) -> Moving:
         """Return the arms' mean sums during that step."""
         return self._moving[step]
+
+    @property
+    def first(self) -> Moving:
+        """Return the arms' mean sums during the first step, without those of all others."""
+        return Moving(*(_three(column[0]) for column in (self.moment, self.momentum, self.force, self.torque)))
 
     @cached_property
     def _moving(self) -> list[Moving]:
@@ -94,6 +99,11 @@ def _moving(assembly: Assembly, joints: Array, rates: Array, accels: Array) -> M
 
     right, left = (arm(side * JOINTS_PER_ARM, outward) for side, outward in enumerate(OUTWARD))
     return add(right, left)
+
+
+def _three(row: Array) -> Three:
+    x, y, z = row.tolist()
+    return x, y, z
 
 
 def _columns(values: Array) -> Any:

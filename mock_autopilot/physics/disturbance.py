@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -89,6 +90,7 @@ def noise_of(forces: Forces, dt_s: float) -> tuple[float, Array]:
     return keep, np.array(forces.noise_n) * math.sqrt(1.0 - keep**2)
 
 
+@lru_cache(maxsize=8)
 def steady_series(forces: Forces, dt_s: float, steps: int) -> Array:
     """Return the force that is no noise (N, NED, (steps, 3))."""
     time_s = np.arange(1, steps + 1) * dt_s

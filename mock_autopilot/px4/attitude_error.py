@@ -60,6 +60,19 @@ class AttitudeErrorParams:
 PERFECT_HORIZON = AttitudeErrorParams(size_rad=0.0)
 
 
+@dataclass(frozen=True)
+class Walk:
+    """Random walks: after the sample `first`, (vehicles, 2), each is `keep` times the last plus `fresh` times a draw.
+
+    `keep` and `fresh` are (vehicles,), `draws` (vehicles, samples, 2).
+    """
+
+    first: Array
+    keep: Array
+    fresh: Array
+    draws: Array
+
+
 class AttitudeErrorSamples:
     """The errors of vehicles side by side; each vehicle's come from its own generator, however many fly with it."""
 
@@ -80,6 +93,14 @@ class AttitudeErrorSamples:
         """Return the next samples (rad): believed less true roll and pitch, (count, *lead, 2)."""
         rows = self._walked(count) if self._recorded is None else self._read(self._recorded, count)
         return rows.reshape(count, *self._lead, 2)
+
+    def walk(self, count: int) -> "Walk | None":
+        """Return what `more` would work out, not worked out; None where a recorded flight is read."""
+        if self._recorded is not None:
+            return None
+        draws = np.stack([rng.standard_normal((count, 2)) for rng in self._rngs])
+        fresh = self._size_rad * np.sqrt(1.0 - self._keep**2)
+        return Walk(self._now, self._keep[:, 0], fresh[:, 0], draws)
 
     def _walked(self, count: int) -> Array:
         draws = np.stack([rng.standard_normal((count, 2)) for rng in self._rngs], axis=1)

@@ -41,6 +41,8 @@ def test_summary_table_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     numbers = _json(tmp_path / "first.json")
     assert (numbers["vehicles"], numbers["diverged"], numbers["taken_over"]) == (6, 0, 0)
     assert numbers["seconds"] > 0.0
+    with np.load(tmp_path / "out" / "practical-seed3.npz", allow_pickle=False) as file:
+        assert numbers["vehicle_seconds"] == pytest.approx(file["flight_s"].sum())
     assert numbers["error_p95_m"].keys() == {"12.0", "6.3"}
 
     name = tmp_path / "out" / "practical-seed3"
@@ -62,7 +64,9 @@ def test_summary_table_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     again = _sweep(tmp_path, "--vehicles", "6", "--seed", "3", "--summary", str(tmp_path / "again.json"))
     repeated = _json(tmp_path / "again.json")
     assert "6 of them by an earlier run" in again.output
-    assert repeated | {"seconds": 0, "taken_over": 0} == numbers | {"seconds": 0}
+    assert repeated["vehicle_seconds"] == 0.0
+    timing = {"seconds": 0, "taken_over": 0, "vehicle_seconds": 0}
+    assert repeated | timing == numbers | timing
 
 
 def test_a_vehicle_that_diverges_is_exit_code_one(tmp_path: Path) -> None:

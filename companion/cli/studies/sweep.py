@@ -180,6 +180,7 @@ def _summary(plan: Sweep, swept: Swept) -> dict[str, Any]:
         "vehicles": len(swept.columns["vehicle"]),
         "diverged": int(swept.columns["diverged"].sum()),
         "seconds": round(swept.seconds, 3),
+        "vehicle_seconds": round(swept.vehicle_seconds, 3),
         "taken_over": swept.taken_over,
         "controller": plan.controller,
         "seed": plan.seed,

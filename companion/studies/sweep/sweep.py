@@ -129,6 +129,7 @@ def _parameters(batch: Batch, drawn: Drawn, true: VirtualVehicle, scene: Scene) 
         "attitude_error_time_s": drawn.attitude_error_time_s,
         "offset_w_m": true.offset_w_m,
         "offset_m": np.sqrt((true.offset_w_m**2).sum(axis=-1)),
+        "flight_s": np.full(count, len(true.unseen) * scene.period_s),
         "unseen_s": true.unseen.sum(axis=0) * scene.period_s,
     }
 

@@ -41,6 +41,8 @@ class Swept:
     """Vehicles that an earlier run had flown."""
     seconds: float
     """Duration of this run."""
+    vehicle_seconds: float
+    """Virtual time that this run flew, over all vehicles."""
 
 
 class Parts:
@@ -85,7 +87,8 @@ def run(sweep: Sweep, folder: Path, jobs: int, fresh: bool, progress: Callable[[
     progress(taken_over)
     if missing:
         done |= _fly_all(missing, jobs, lambda flown: progress(taken_over + flown))
-    return Swept(joined(list(done.values())), taken_over, time.perf_counter() - began_s)
+    vehicle_s = sum(float(done[batch]["flight_s"].sum()) for batch in missing)
+    return Swept(joined(list(done.values())), taken_over, time.perf_counter() - began_s, vehicle_s)
 
 
 def _fly_all(paths: dict[Batch, Path], jobs: int, progress: Callable[[float], None]) -> dict[Batch, Columns]:
