@@ -76,7 +76,7 @@ def experiments(
             help="Names in config/controllers/ or TOML files, comma-separated; pid is always flown.",
             autocompletion=complete.listed(complete.controllers),
         ),
-    ] = "practical,paper-repaired,pid",
+    ] = "practical,paper-repaired,geometric-pid,indi,l1,mpc,pid",
     allow_unstable: AllowUnstable = False,
     seeds: Annotated[str, typer.Option(help="One seed, or FIRST:LAST (inclusive): one vehicle for each seed.")] = "1:5",
     bandwidth: Annotated[

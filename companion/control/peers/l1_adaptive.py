@@ -7,6 +7,7 @@ acceleration; the baseline is the same geometric law, without its integral.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from pydantic import Field
@@ -16,7 +17,7 @@ from companion.control.gains import Positive
 from companion.control.peers.outer_loop import FeedbackGains, FeedbackLaw, LoopMemory, Sight
 from companion.core.types import Array, Scalar
 from companion.core.values import value
-from companion.geometry.array_math import maximum, where
+from companion.geometry.array_math import where_each
 
 
 class L1Gains(FeedbackGains):
@@ -59,10 +60,7 @@ class L1Adaptive(FeedbackLaw):
     def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> L1Memory:
         """Return the memory that compensates a known disturbance (m/s^2), (..., 3)."""
         known = known_disturbance_w_mps2 + np.zeros_like(now.position_w_m)
-        pole = self.gains.predictor_radps
-        error = -known / (self._gain(self.period_s) + pole)  # at rest: v_hat' = v' with sigma_hat = - gain v_tilde
-        velocity, acting = now.velocity_w_mps + error, now.sent_accel_w_mps2 + np.zeros_like(known)
-        return L1Memory(self.begin(now), Adaptation(velocity, error, known, known, acting))
+        return L1Memory(self.begin(now), self._at_rest(known, now.sent_accel_w_mps2, now))
 
     def step(self, memory: L1Memory, now: ControlInput) -> tuple[L1Memory, ControlOutput]:
         """Return the memory and the command of one cycle."""
@@ -78,19 +76,30 @@ class L1Adaptive(FeedbackLaw):
         """Advance the adaptation to a new frame; without one only the low pass moves.
 
         v_hat' = a + sigma_hat + A_s v_tilde; sigma_hat = -Phi^-1 e^(A_s T) v_tilde, Phi = A_s^-1 (e^(A_s T) - I).
+        The estimate is dead beat for frames at their usual distance, so after a longer gap it begins again.
         """
-        pole, step_s = self.gains.predictor_radps, sight.elapsed_s
-        acting = 0.5 * (before.acting + sight.acting_w_mps2)
-        velocity = before.velocity + step_s * (acting + before.sigma - pole * before.error)
+        rotors, step_s = sight.acting_w_mps2, sight.elapsed_s
+        acting = 0.5 * (before.acting + rotors)
+        velocity = before.velocity + step_s * (acting + before.sigma - self.gains.predictor_radps * before.error)
         error = velocity - now.velocity_w_mps
-        fresh = step_s > 0.0
-        sigma = where(fresh, -self._gain(maximum(step_s, 1e-6)) * error, before.sigma)
-        error = where(fresh, error, before.error)
         share = -np.expm1(-self.gains.filter_radps * now.dt_s)
-        filtered = before.filtered + share * (sigma - before.filtered)
-        return Adaptation(velocity, error, sigma, filtered, sight.acting_w_mps2)
+        filtered = before.filtered + share * (before.sigma - before.filtered)
+        sigma = -self._gain * error
+        filtered_now = before.filtered + share * (sigma - before.filtered)
+        usual = Adaptation(velocity, error, sigma, filtered_now, rotors)
+        waiting = Adaptation(before.velocity, before.error, before.sigma, filtered, rotors)
+        again = self._at_rest(filtered, rotors, now)
+        fresh, gap = step_s > 0.5 * self.period_s, step_s > 1.5 * self.period_s
+        return where_each(gap, again, where_each(fresh, usual, waiting))
 
-    def _gain(self, step_s: Scalar) -> Scalar:
-        """Return Phi^-1 e^(A_s T) for frames T = `step_s` apart, 1/s."""
+    def _at_rest(self, known: Array, acting: Array, now: ControlInput) -> Adaptation:
+        """Return the adaptation that has settled on a disturbance (m/s^2), (..., 3)."""
+        error = -known / (self._gain + self.gains.predictor_radps)
+        return Adaptation(now.velocity_w_mps + error, error, known, known, acting + np.zeros_like(known))
+
+    @cached_property
+    def _gain(self) -> Scalar:
+        """Phi^-1 e^(A_s T), 1/s."""
         pole = self.gains.predictor_radps
-        return pole / np.expm1(pole * step_s)
+        gain: Scalar = pole / np.expm1(pole * self.period_s)
+        return gain

@@ -85,13 +85,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asked = parser.parse_args(arguments)
     seeds = tuple(range(1, asked.seeds + 1))
     rows = [(setting, horizon) for setting in SETTINGS for horizon in HorizonError]
-    flown = _in_order([row_items(*one, asked.controller, seeds) for one in rows], asked.jobs)
+    flown = in_order([row_items(*one, asked.controller, seeds) for one in rows], asked.jobs)
     print(HEAD, flush=True)
     for one, flights in zip(rows, flown, strict=True):
         print(row(*one, asked.controller, flights), flush=True)
 
 
-def _in_order(rows: Sequence[Sequence[Item]], jobs: int) -> Iterator[list[Flown]]:
+def in_order(rows: Sequence[Sequence[Item]], jobs: int) -> Iterator[list[Flown]]:
     """Yield each row's flights as soon as it and those before it are complete."""
     done: dict[int, Flown] = {}
     results = in_parallel(fly, [item for items in rows for item in items], jobs, "give fewer --jobs or --seeds")

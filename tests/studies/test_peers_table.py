@@ -1,0 +1,24 @@
+"""The table of all laws: with and without triggers, and virtual flights within half again of what was measured."""
+
+from pathlib import Path
+
+import pytest
+
+from companion.studies.paper.campaign import fly
+from companion.studies.paper.horizon_table import Setting
+from companion.studies.paper.peers_table import HEAD, LAWS, row, row_items
+from tests.studies.short_experiments import short_experiment
+
+pytestmark = pytest.mark.slow
+
+
+def test_a_law_has_a_row_with_its_trigger_and_one_without_and_the_baseline_one(tmp_path: Path) -> None:
+    both = str(short_experiment(tmp_path / "a.toml")), str(short_experiment(tmp_path / "b.toml"))
+    setting = Setting(name="short", experiments=both)
+    rows = [row(setting, [fly(item) for item in items]) for items in row_items(setting, "indi", (1, 2))]
+    cells = [[cell.strip() for cell in one.strip("|").split("|")] for one in rows]
+    assert [one[:3] for one in cells] == [["short", "`indi`", "on"], ["short", "`indi`", "off"]]
+    assert float(cells[0][5].rstrip("%")) < 50.0
+    assert cells[1][5] == cells[1][8] == "100.0%"
+    assert all(len(one) == HEAD.splitlines()[0].count("|") - 1 for one in cells)
+    assert [len([*row_items(setting, law, (1,))]) for law in LAWS] == [2, 2, 2, 2, 2, 1]
