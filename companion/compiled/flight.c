@@ -58,6 +58,13 @@ static inline double norm(double w, double x, double y, double z)
 
 #include "traced.c"
 
+#ifndef SOURCES
+#define SOURCES ""
+#endif
+
+/* The digest of the source that this was compiled from: what is older is not used. */
+const char *sources(void) { return SOURCES; }
+
 enum { RING = 128, ROW = 11 };
 
 struct flight {
@@ -246,4 +253,15 @@ int64_t fly_vehicle(const struct flight *f)
             drive(&m, f, s);
     }
     return f->cycles;
+}
+
+/* The two halves of the law's cycle, for a flight: control/compiled_law.py. */
+void law_decide(double *memory, const double *now, const double *gains, const double *lookahead, double *output)
+{
+    decide(memory, now, gains, lookahead, memory, output);
+}
+
+void law_settle(double *memory, const double *halfway, const double *gains, double *f_hat)
+{
+    settle(memory, halfway, gains, memory, f_hat);
 }

@@ -2,10 +2,12 @@
 
 import copy
 from collections.abc import Callable, Iterator
+from math import prod
 from typing import Any, TypeVar
 
 import numpy as np
 
+from companion.core.types import Array
 from companion.geometry.traced import Traced
 
 Value = TypeVar("Value")
@@ -35,3 +37,19 @@ def leaves(value: object) -> list[tuple[str, Any]]:
     found: list[tuple[str, Any]] = []
     mapped(value, lambda path, number: found.append((path.lstrip("."), number)))
     return found
+
+
+def flat(value: object, like: object, lead: tuple[int, ...] = ()) -> Array:
+    """Return all numbers of a value, in the order of `leaves`, as rows: one for all vehicles, or one each.
+
+    `like` is the same value of a single vehicle: it says how many numbers each part has.
+    """
+    columns, each = [], False
+    for (path, part), (same, example) in zip(leaves(value), leaves(like), strict=True):
+        assert path == same
+        array, size = np.asarray(part, dtype=float), prod(np.shape(example))
+        own = bool(lead) and array.size > size
+        each |= own
+        columns.append(array.reshape(-1 if own else 1, size))
+    rows = prod(lead) if each else 1
+    return np.concatenate([np.broadcast_to(column, (rows, column.shape[1])) for column in columns], axis=1)

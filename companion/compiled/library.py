@@ -1,6 +1,7 @@
 """The compiled code: where it is, and whether it fits the Python that it was traced from."""
 
 import ctypes
+import hashlib
 import logging
 import subprocess
 import sys
@@ -25,15 +26,25 @@ def library() -> ctypes.CDLL | None:
         log.info("no compiled law (%s): Python flies, with the same numbers, slower", LIBRARY.name)
         return None
     try:
-        return ctypes.CDLL(str(LIBRARY))
+        code = ctypes.CDLL(str(LIBRARY))
     except OSError as error:
         log.warning("the compiled law cannot be loaded (%s): Python flies, with the same numbers, slower", error)
         return None
+    code.sources.restype = ctypes.c_char_p
+    if code.sources() != _digest().encode():
+        log.warning("the compiled law is older than its source: Python flies; run python -m companion.compiled.library")
+        return None
+    return code
+
+
+def _digest() -> str:
+    """Return what tells one version of the source from another."""
+    return hashlib.sha256(b"".join((_FOLDER / name).read_bytes() for name in ("flight.c", "traced.c"))).hexdigest()
 
 
 def build() -> str:
     """Compile the source with the system's C compiler; return a sentence that says what became of it."""
-    command = ["cc", *FLAGS, "-o", str(LIBRARY), str(SOURCE), "-lm"]
+    command = ["cc", *FLAGS, f'-DSOURCES="{_digest()}"', "-o", str(LIBRARY), str(SOURCE), "-lm"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)  # noqa: S603
     except (OSError, subprocess.TimeoutExpired) as error:

@@ -61,7 +61,7 @@ class Predictor:
 
     def __post_init__(self) -> None:
         """Compute the weights now, not in the first cycle in the air."""
-        _ = self._weights
+        _ = self.weights
 
     @property
     def preview_s(self) -> Scalar:
@@ -70,7 +70,7 @@ class Predictor:
 
     def initial(self, first: ControlInput) -> PredictorMemory:
         """Return the memory at lift-off, as if the last command had been held for a long time."""
-        drives = np.repeat(first.sent_accel_w_mps2[..., None], self._weights.drives.shape[-1], axis=-1)
+        drives = np.repeat(first.sent_accel_w_mps2[..., None], self.weights.drives.shape[-1], axis=-1)
         thrust = first.sent_accel_w_mps2[..., 2:3] + self.vehicle.gravity_mps2
         return PredictorMemory(drives, thrust, nothing_observed(first.velocity_w_mps, first.age_s))
 
@@ -102,10 +102,10 @@ class Predictor:
         (x, y, z), (before,) = unstack(oldest_sent), unstack(thrust_mps2)
         up = z + self.vehicle.gravity_mps2
         size = math_module(x).sqrt(x * x + y * y + up * up)
-        return before + (size - before) * self._thrust_share
+        return before + (size - before) * self.thrust_share
 
     def _propagate(self, now: ControlInput, drives: Array, disturbance: Array) -> Prediction:
-        w, velocity = self._weights, now.velocity_w_mps
+        w, velocity = self.weights, now.velocity_w_mps
         late = now.age_s - self.vehicle.mocap_age_s  # the part of the age the weights do not know
         ahead = w.horizon_s + late
         moved, faster = dots(w.drives[..., 0, :, :], drives), dots(w.drives[..., 1, :, :], drives)
@@ -113,12 +113,13 @@ class Predictor:
         return Prediction(position, velocity + ahead * disturbance + faster, disturbance)
 
     @cached_property
-    def _thrust_share(self) -> float:
+    def thrust_share(self) -> float:
         """Share of a change of thrust that happens in one period."""
         return -math.expm1(-self.period_s / self.vehicle.thrust_lag_s)
 
     @cached_property
-    def _weights(self) -> "Weights":
+    def weights(self) -> "Weights":
+        """Response at the horizon to every command."""
         leads = np.broadcast_arrays(self.lead_s, self.thrust_lead_s)
         if not leads[0].shape:
             return _weights(self.vehicle, self.period_s, float(leads[0]), float(leads[1]))

@@ -5,6 +5,7 @@ from math import inf
 
 import numpy as np
 
+from companion.control.compiled_law import compiled_law
 from companion.control.controller import ControlInput, Controller, ControlOutput, Memory, SeededLaw, TwoHalves
 from companion.control.disturbance import Disturbance, estimate_disturbance, no_disturbance
 from companion.control.law_switch import LawSwitch
@@ -40,7 +41,8 @@ class ControlPipeline:
     """Pipeline with the law's memory and its last setpoint; `sent` is the setpoint last sent, which limits the rate.
 
     For one vehicle, or for a batch of shape `lead`: the leading axes of vehicle states, `sent` and all outputs; thrust
-    model and limits are those of the batch. A guard, which is for one vehicle, replaces the plain limits.
+    model and limits are those of the batch. A guard, which is for one vehicle, replaces the plain limits. In flight
+    the law is `compiled`, where it can be.
     """
 
     def __init__(
@@ -50,10 +52,12 @@ class ControlPipeline:
         limits: Limits,
         lead: tuple[int, ...] = (),
         guard: Guard | None = None,
+        compiled: bool = False,
     ) -> None:
-        self._controller, self._model, self._limits, self._lead = controller, model, limits, lead
+        self._compiled = compiled
+        self._model, self._limits, self._lead = model, limits, lead
         self._guard = guard
-        self._halves = controller if isinstance(controller, TwoHalves) else None
+        self._take(controller)
         self._memory: Memory = None
         self._decided: Memory = None
         self._law_setpoint: AttitudeThrust | None = None
@@ -80,9 +84,12 @@ class ControlPipeline:
     def switch(self, controller: Controller) -> None:
         """Fly another law from the next cycle on: no setpoint jumps, and it knows the disturbance (`LawSwitch`)."""
         self.settle()
-        self._controller = controller
-        self._halves = controller if isinstance(controller, TwoHalves) else None
+        self._take(controller)
         self._memory, self._decided, self._switched = None, None, True
+
+    def _take(self, controller: Controller) -> None:
+        self._controller = compiled_law(controller) if self._compiled else controller
+        self._halves = self._controller if isinstance(self._controller, TwoHalves) else None
 
     def settle(self) -> dict[str, Array]:
         """Run the second half of the law's cycle, else the next `fly` does; return its additional internal values."""

@@ -79,7 +79,7 @@ def margin_in(config: CompanionConfig, loaded: LoadedController, measure: Measur
 def pipeline_of(config: CompanionConfig, law: Controller, frames: bool = True) -> ControlPipeline:
     """Return the law's pipeline, with the guard at its end; without frames the guard has no fence."""
     guard = config.guard() if frames else config.guard(NO_FENCE)
-    return ControlPipeline(law, config.vehicle.thrust_model(), config.limits.limits(), guard=guard)
+    return ControlPipeline(law, config.vehicle.thrust_model(), config.limits.limits(), guard=guard, compiled=True)
 
 
 def wire_of(config: CompanionConfig, frames: bool = True) -> WireSetpoint:
@@ -90,7 +90,7 @@ def wire_of(config: CompanionConfig, frames: bool = True) -> WireSetpoint:
 
 def ground_pipeline_of(config: CompanionConfig, law: Controller) -> ControlPipeline:
     """Return the pipeline of a law on the ground; the guard is on the vehicle."""
-    return ControlPipeline(law, config.vehicle.thrust_model(), config.limits.limits())
+    return ControlPipeline(law, config.vehicle.thrust_model(), config.limits.limits(), compiled=True)
 
 
 def with_link(config: CompanionConfig, up_age_s: float) -> CompanionConfig:

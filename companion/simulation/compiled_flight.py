@@ -2,25 +2,24 @@
 
 import ctypes
 from collections.abc import Callable, Sequence
-from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.compiled.leaves import leaves
+from companion.compiled.leaves import flat
 from companion.compiled.library import library
 from companion.control.controller import Controller
-from companion.control.delay_predictor import Predictor
 from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains
 from companion.control.horizon_correction import HorizonRules
+from companion.control.law_numbers import lookahead_of
 from companion.control.network import initial_network
 from companion.control.pipeline import idle_setpoint
 from companion.core.types import Array
 from companion.geometry.frames import flip_quat
 from companion.simulation.mission import Mission, References
-from companion.simulation.traces import COMMANDS, Law, Lookahead, carrier_of, example_law
+from companion.simulation.traces import Law, carrier_of, example_law
 from companion.simulation.virtual_world import STEP_S, VirtualVehicle, hover_signal, hovering, steps_of
 from mock_autopilot.physics.arms import Coupling
 from mock_autopilot.physics.disturbance import BLOCK, noise_of, steady_series
@@ -77,27 +76,11 @@ def _law_of(pilot: Any) -> Law | None:
     law: Controller = pilot.law
     if type(law) is not Etnn or law.predictor is None or law.gains.hidden != EtnnGains().hidden or pilot.ground:
         return None
-    lookahead = _lookahead_of(law.predictor)
+    lookahead = lookahead_of(law.predictor)
     return (
         None
         if lookahead is None
         else Law(gains=law.gains, lookahead=lookahead, model=pilot.thrust, limits=pilot.limits)
-    )
-
-
-def _lookahead_of(predictor: Predictor) -> Lookahead | None:
-    weights = predictor._weights
-    commands = weights.drives.shape[-1] - 2
-    if commands > COMMANDS:
-        return None
-    older = np.zeros((*weights.drives.shape[:-1], COMMANDS - commands))
-    return Lookahead(
-        vehicle=predictor.vehicle,
-        horizon_s=weights.horizon_s,
-        drives=np.concatenate((older, weights.drives), axis=-1),
-        thrust_share=predictor._thrust_share,
-        observer_radps=predictor.observer_radps,
-        commands=float(commands),
     )
 
 
@@ -245,22 +228,6 @@ def _walked(walk: Walk, loaded: ctypes.CDLL) -> Array:
         place, begin, drawn = addresses
         loaded.walk(place, ctypes.c_int64(len(rows)), *ends, begin, drawn)
     return errors
-
-
-def flat(value: object, like: object, lead: tuple[int, ...]) -> Array:
-    """Return all numbers of a value, in the order of `leaves`, as rows: one for all vehicles, or one each.
-
-    `like` is the same value of a single vehicle: it says how many numbers each part has.
-    """
-    columns, each = [], False
-    for (path, part), (same, example) in zip(leaves(value), leaves(like), strict=True):
-        assert path == same
-        array, size = np.asarray(part, dtype=float), prod(np.shape(example))
-        own = bool(lead) and array.size > size
-        each |= own
-        columns.append(array.reshape(-1 if own else 1, size))
-    rows = prod(lead) if each else 1
-    return np.concatenate([np.broadcast_to(column, (rows, column.shape[1])) for column in columns], axis=1)
 
 
 def _columns(references: References, lead: tuple[int, ...]) -> Array:

@@ -13,12 +13,12 @@ import numpy as np
 
 import companion.compiled
 from companion.compiled.c_source import CFunction, traced
-from companion.control.controller import ControlInput, VehicleModel
-from companion.control.delay_predictor import Predictor, Weights
+from companion.control.controller import ControlInput
 from companion.control.disturbance import Disturbance, no_disturbance
-from companion.control.etnn import Etnn, EtnnMemory
+from companion.control.etnn import Decided, Etnn, EtnnMemory
 from companion.control.gains import EtnnGains
 from companion.control.horizon_correction import Horizon, HorizonInput, HorizonRules, no_horizon
+from companion.control.law_numbers import NO_LOOKAHEAD, Lookahead, NumberedPredictor
 from companion.control.network import NetworkState, initial_network
 from companion.control.pipeline import ControlPipeline
 from companion.control.wire_setpoint import WireSetpoint
@@ -29,7 +29,7 @@ from companion.estimation import estimator, kalman
 from companion.estimation.attitude import Attitude
 from companion.estimation.estimator import EstimatorParams
 from companion.estimation.kalman import Motion
-from companion.geometry.array_math import where, where_each
+from companion.geometry.array_math import where_each
 from companion.geometry.attitude import ThrustModel
 from companion.geometry.frames import matrix_from_quat, quat_from_rotation_vector, quat_multiply, turned
 from companion.guard.limits import Limits
@@ -45,8 +45,6 @@ from mock_autopilot.px4.attitude_error import turn_of
 Numbers = tuple[float, ...]
 SOURCE = Path(companion.compiled.__file__).with_name("traced.c")
 _LEVEL = np.array((1.0, 0.0, 0.0, 0.0))
-COMMANDS = 10
-"""Most commands that a compiled predictor remembers; one that remembers fewer has weights of 0 for the older ones."""
 _SURELY = 1.0 - 1e-9
 """Share of the gate within which a frame is accepted whatever the rounding of its distance."""
 
@@ -57,18 +55,6 @@ class Filters:
 
     motion: Motion
     attitude: Attitude
-
-
-@value(kw_only=True)
-class Lookahead:
-    """Predictor as numbers: its weights for COMMANDS commands, (2, 3, COMMANDS + 2), and how many of them count."""
-
-    vehicle: VehicleModel
-    horizon_s: Scalar
-    drives: Array
-    thrust_share: float
-    observer_radps: Scalar
-    commands: float
 
 
 @value
@@ -82,25 +68,11 @@ class Held:
     disturbance: Disturbance
 
 
-class _Predictor(Predictor):
-    """Predictor with room for COMMANDS commands."""
-
-    def __init__(self, lookahead: Lookahead) -> None:
-        weights = Weights(lookahead.horizon_s, lookahead.drives)
-        self.__dict__.update(vars(lookahead) | {"_weights": weights, "_thrust_share": lookahead.thrust_share})
-
-    def _oldest(self, drives: Array) -> Array:
-        oldest, count = drives[..., COMMANDS - 1], self.__dict__["commands"]
-        for commands in range(2, COMMANDS + 1):
-            oldest = where(count == float(commands), drives[..., COMMANDS - commands], oldest)
-        return oldest
-
-
 class _Pipeline(ControlPipeline):
     """Pipeline whose memory can be set."""
 
     def __init__(self, gains: EtnnGains, lookahead: Lookahead, model: ThrustModel, limits: Limits) -> None:
-        self._law = Etnn(gains, _Predictor(lookahead))
+        self._law = Etnn(gains, NumberedPredictor(lookahead))
         super().__init__(self._law, model, limits)
 
     def _warm_up(self) -> None:
@@ -185,6 +157,41 @@ def fly(memory: Held, given: Given, law: Law, dt_s: float) -> dict[str, object]:
     pipeline.settle()
     command = (output.law_output.accel_w_mps2, output.law_output.event)
     return {"after": pipeline.held(), "setpoint": output.limited.setpoint, "command": command}
+
+
+def decide(memory: EtnnMemory, now: ControlInput, gains: EtnnGains, lookahead: Lookahead) -> dict[str, object]:
+    """Run the first half of the law's cycle, with the internal values that go into the record."""
+    decided, output = Etnn(gains, NumberedPredictor(lookahead)).decide(memory, now)
+    after = EtnnMemory(memory.filter, memory.network, decided.trigger, decided.predictor)
+    return {"after": after, "output": (output.accel_w_mps2, output.event, tuple(output.signals.values()))}
+
+
+@value
+class Halfway:
+    """Values that the second half of a cycle needs beside the memory."""
+
+    alpha1: Array
+    y2: Array
+    velocity_ref: Array
+    dt_s: float
+
+
+def settle(memory: EtnnMemory, halfway: Halfway, gains: EtnnGains) -> dict[str, object]:
+    """Run the second half of the law's cycle."""
+    zero = np.zeros(3)
+    now = ControlInput(
+        position_w_m=zero,
+        velocity_w_mps=zero,
+        q_w_flu_wxyz=_LEVEL,
+        rate_flu_radps=zero,
+        age_s=0.0,
+        reference=Reference(zero, halfway.velocity_ref, zero, 0.0),
+        sent_accel_w_mps2=zero,
+        dt_s=halfway.dt_s,
+    )
+    decided = Decided(memory, memory.trigger, memory.predictor, now, halfway.alpha1, halfway.y2)
+    after, signals = Etnn(gains).settle(decided)
+    return {"after": after, "f_hat": (signals["f_hat"],)}
 
 
 @value(kw_only=True)
@@ -326,7 +333,8 @@ def functions() -> list[CFunction]:
         known_accel_b_mps2=zero,
     )
     law, network = example_law(), initial_network(EtnnGains())
-    memory = law.pipeline().begin(law.pipeline()._given(state, 0.0, given.ahead, setpoint, 0.01, zero), network)
+    first = law.pipeline()._given(state, 0.0, given.ahead, setpoint, 0.01, zero)
+    memory = law.pipeline().begin(first, network)
     sending = Sending(
         setpoint=setpoint,
         is_new=False,
@@ -352,6 +360,8 @@ def functions() -> list[CFunction]:
         traced("estimate", estimate, before=filters, pose=pose, dt_s=0.01, params=params),
         traced("begin_law", begin_law, given=given, law=law, dt_s=0.01, network=network),
         traced("fly", fly, memory=memory, given=given, law=law, dt_s=0.01, fixed=("law", "dt_s")),
+        traced("decide", decide, memory=memory.law, now=first, gains=EtnnGains(), lookahead=NO_LOOKAHEAD),
+        traced("settle", settle, memory=memory.law, halfway=Halfway(zero, zero, zero, 0.01), gains=EtnnGains()),
         traced(
             "send",
             send,
@@ -392,15 +402,7 @@ _BY_AXIS = (
 
 def example_law() -> Law:
     """Return parameters of the shapes that are compiled."""
-    lookahead = Lookahead(
-        vehicle=VehicleModel(),
-        horizon_s=0.0,
-        drives=np.zeros((2, 3, COMMANDS + 2)),
-        thrust_share=0.0,
-        observer_radps=0.0,
-        commands=1.0,
-    )
-    return Law(gains=EtnnGains(), lookahead=lookahead, model=ThrustModel(), limits=Limits())
+    return Law(gains=EtnnGains(), lookahead=NO_LOOKAHEAD, model=ThrustModel(), limits=Limits())
 
 
 def source() -> str:
