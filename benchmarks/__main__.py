@@ -16,7 +16,8 @@ from benchmarks.flood import measure_flood
 from benchmarks.machine import this_machine
 from benchmarks.onlookers import measure_onlookers
 from benchmarks.results import Results, as_markdown, print_results
-from benchmarks.steps import stage_costs, step_costs
+from benchmarks.steps import cycle_cost, stage_costs, step_costs
+from benchmarks.virtual import measure_virtual
 from companion.config.companion_config import load_config
 from companion.config.locations import default_config_path
 from companion.core.interfaces import CompanionError
@@ -31,6 +32,7 @@ class Part(StrEnum):
 
     LATENCY = "latency"
     STEPS = "steps"
+    VIRTUAL = "virtual"
     PROCESS = "process"
     ARMS = "arms"
     RECORDS = "records"
@@ -65,6 +67,8 @@ def _measure(console: Console, quick: bool, parts: set[Part]) -> Results:
     with console.status("starting") as status:
         if Part.STEPS in parts:
             _steps(results, status)
+        if Part.VIRTUAL in parts:
+            _virtual(results, status)
         if Part.LATENCY in parts:
             _latency(results, status)
         if Part.PROCESS in parts:
@@ -86,6 +90,12 @@ def _steps(results: Results, status: Status) -> None:
     for stage in stage_costs(config, rounds):
         results.stages.append(stage)
         status.update(f"stages: {stage.stage} done")
+    results.cycles.append(cycle_cost(config, min(rounds, 5)))
+
+
+def _virtual(results: Results, status: Status) -> None:
+    flights, vehicles = (10, 100) if results.quick else (50, 4000)
+    results.virtual.append(measure_virtual(flights, vehicles, lambda what: status.update(f"virtual time: {what}")))
 
 
 def _latency(results: Results, status: Status) -> None:

@@ -11,16 +11,19 @@ from benchmarks.flights import Footprint, Latency
 from benchmarks.flood import FloodCost
 from benchmarks.machine import Machine
 from benchmarks.onlookers import OnlookersCost
-from benchmarks.steps import StageCost, StepCost
+from benchmarks.steps import CycleCost, StageCost, StepCost
 from benchmarks.targets import (
     Target,
     arms_targets,
+    cycle_targets,
     flood_targets,
     footprint_targets,
     latency_targets,
     onlookers_targets,
     step_targets,
+    virtual_targets,
 )
+from benchmarks.virtual import VirtualCost
 
 Row = tuple[str, ...]
 Section = tuple[str, Row, list[Row]]
@@ -36,6 +39,8 @@ class Results:
     latencies: list[Latency] = field(default_factory=list)
     steps: list[StepCost] = field(default_factory=list)
     stages: list[StageCost] = field(default_factory=list)
+    cycles: list[CycleCost] = field(default_factory=list)
+    virtual: list[VirtualCost] = field(default_factory=list)
     footprints: list[Footprint] = field(default_factory=list)
     arms: list[ArmsCost] = field(default_factory=list)
     onlookers: list[OnlookersCost] = field(default_factory=list)
@@ -46,6 +51,8 @@ class Results:
         return [
             *(target for latency in self.latencies for target in latency_targets(latency)),
             *step_targets(self.steps),
+            *(target for cycle in self.cycles for target in cycle_targets(cycle)),
+            *(target for cost in self.virtual for target in virtual_targets(cost)),
             *(target for footprint in self.footprints for target in footprint_targets(footprint)),
             *(target for cost in self.arms for target in arms_targets(cost)),
             *(target for onlookers in self.onlookers for target in onlookers_targets(onlookers)),
@@ -60,8 +67,8 @@ class Results:
 
     def sections(self) -> list[Section]:
         """Return the tables of all sections as text."""
-        measured = (self._latencies(), self._steps(), self._stages(), self._footprints(), self._arms())
-        tables = (self._targets(), *measured, self._onlookers(), self._floods())
+        steps = (self._latencies(), self._steps(), self._stages(), self._cycles(), self._virtual())
+        tables = (self._targets(), *steps, self._footprints(), self._arms(), self._onlookers(), self._floods())
         return [table for table in tables if table[2]]
 
     def _targets(self) -> Section:
@@ -93,6 +100,18 @@ class Results:
     def _stages(self) -> Section:
         rows: list[Row] = [(c.stage, f"{c.call_us:.1f}") for c in self.stages]
         return "Stages, one vehicle, us", ("stage", "median"), rows
+
+    def _cycles(self) -> Section:
+        rows: list[Row] = [(f"{c.python_us:.1f}", f"{c.flown_us:.1f}", f"{c.ratio:.2f}") for c in self.cycles]
+        return "Estimator, law, conversion, limits after a sleep, us", ("in Python", "as in flight", "ratio"), rows
+
+    def _virtual(self) -> Section:
+        rows: list[Row] = [
+            ("yes" if c.compiled else "no", f"{c.times_real:.0f}", f"{c.vehicles}", f"{c.vehicle_s_per_minute:.0f}")
+            for c in self.virtual
+        ]
+        heads = ("compiled", "one flight, times real time", "vehicles of a sweep", "vehicle-seconds a minute")
+        return "Virtual time", heads, rows
 
     def _footprints(self) -> Section:
         rows: list[Row] = [

@@ -47,6 +47,38 @@ class StageCost:
     call_us: float
 
 
+@dataclass(frozen=True)
+class CycleCost:
+    """Estimator, law, conversion and limits of one cycle after PAUSE_S asleep."""
+
+    python_us: float
+    flown_us: float
+    """As in flight: compiled where there is compiled code."""
+
+    @property
+    def ratio(self) -> float:
+        """What is left of Python's time."""
+        return self.flown_us / self.python_us
+
+
+def cycle_cost(config: CompanionConfig, rounds: int) -> CycleCost:
+    """Measure both in turn, as a busy machine is never the same for long."""
+    moving = motion((), 1.0 / config.control.rate_hz)
+    estimating = _estimating(moving, config)
+    each = [_after(estimating, flying(moving, config, compiled=compiled)) for compiled in (False, True)]
+    turns = [[calmest_median_us(one, SLEEPY_CYCLES, 1, PAUSE_S) for one in each] for _ in range(rounds)]
+    python_us, flown_us = (min(column) for column in zip(*turns, strict=True))
+    return CycleCost(python_us, flown_us)
+
+
+def _after(first: Callable[[int], object], second: Callable[[int], object]) -> Callable[[int], None]:
+    def both(cycle: int) -> None:
+        first(cycle)
+        second(cycle)
+
+    return both
+
+
 def step_costs(config: CompanionConfig, rounds: int) -> Iterator[StepCost]:
     """Each law at each batch size; yields as they are done."""
     for law_name, file_name in LAWS.items():
@@ -106,11 +138,12 @@ def _estimating(moving: Motion, config: CompanionConfig) -> Callable[[int], None
     return step
 
 
-def flying(moving: Motion, config: CompanionConfig) -> Callable[[int], None]:
-    """Law, conversion and gate for one vehicle; call it with a number below CYCLES."""
+def flying(moving: Motion, config: CompanionConfig, *, compiled: bool = True) -> Callable[[int], None]:
+    """Law, conversion and gate for one vehicle, `compiled` as in flight; call it with a number below CYCLES."""
     period_s = 1.0 / config.control.rate_hz
     law = load_controller(LAWS["ET-NN"], config.vehicle_model(), period_s).law
-    stage, sent = ControlPipeline(law, config.vehicle.thrust_model(), config.limits.limits()), idle_setpoint(0.0)
+    model, limits = config.vehicle.thrust_model(), config.limits.limits()
+    stage, sent = ControlPipeline(law, model, limits, compiled=compiled), idle_setpoint(0.0)
     vehicles = [moving.vehicle(cycle) for cycle in range(CYCLES)]
     references = [moving.reference(cycle) for cycle in range(CYCLES)]
 

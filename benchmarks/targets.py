@@ -6,12 +6,16 @@ from benchmarks.arms import ArmsCost
 from benchmarks.flights import Footprint, Latency
 from benchmarks.flood import FloodCost
 from benchmarks.onlookers import OnlookersCost
-from benchmarks.steps import StepCost
+from benchmarks.steps import CycleCost, StepCost
+from benchmarks.virtual import VirtualCost
 
 LATENCY_MS = 1.0
 RELAY_RATIO = 5.0
 STEP_US = 250.0
 BATCH_GAIN = 100.0
+CYCLE_RATIO = 0.15
+TIMES_REAL = 5000.0
+VEHICLE_S_PER_MINUTE = 1e6
 CPU_SHARE = 0.25
 MEMORY_MB = 200.0
 ARMS_CYCLE_MS = 5.0
@@ -69,6 +73,20 @@ def step_targets(costs: list[StepCost]) -> list[Target]:
             Target(f"{law}, {many.vehicles} vehicles: times cheaper a vehicle", gain, BATCH_GAIN, at_least=True),
         ]
     return targets
+
+
+def cycle_targets(cost: CycleCost) -> list[Target]:
+    """Return the target for the share of a cycle's time that compiled code leaves."""
+    return [Target("estimator, law, conversion, limits after a sleep, of Python's", cost.ratio, CYCLE_RATIO)]
+
+
+def virtual_targets(cost: VirtualCost) -> list[Target]:
+    """Return the targets for one flight and for a sweep."""
+    sweep = f"sweep of {cost.vehicles} on {cost.processes} processors"
+    return [
+        Target("one virtual flight, times real time", cost.times_real, TIMES_REAL, at_least=True),
+        Target(f"{sweep}, vehicle-seconds a minute", cost.vehicle_s_per_minute, VEHICLE_S_PER_MINUTE, at_least=True),
+    ]
 
 
 def footprint_targets(footprint: Footprint) -> list[Target]:

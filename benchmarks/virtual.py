@@ -1,0 +1,56 @@
+"""Speed of virtual time: one flight, and a sweep on all processors with its draws and its summary."""
+
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+from companion.compiled.library import library
+from companion.config.controller_config import load_controller
+from companion.simulation.scene import load_scene
+from companion.simulation.simulation import simulate
+from companion.studies.sweep.sweep import Sweep
+from companion.studies.sweep.sweep_run import run
+
+EXPERIMENT, LAW = "ellipse", "practical"
+
+
+@dataclass(frozen=True)
+class VirtualCost:
+    """Speed of one flight and of a sweep."""
+
+    compiled: bool
+    """False where there is no compiled law: Python flew."""
+    times_real: float
+    """One flight's virtual time over its computing time, median; what is prepared once for all flights is not in it."""
+    processes: int
+    vehicles: int
+    vehicle_s_per_minute: float
+    """Of the sweep, over all processes, their start included."""
+
+
+def measure_virtual(flights: int, vehicles: int, say: Callable[[str], None]) -> VirtualCost:
+    """Fly some flights one by one, then a sweep in a folder of its own."""
+    say("one flight")
+    times_real = _one(flights)
+    say(f"a sweep of {vehicles} vehicles")
+    processes = len(os.sched_getaffinity(0))
+    with tempfile.TemporaryDirectory() as folder:
+        swept = run(Sweep(vehicles=vehicles, seed=1, controller=LAW), Path(folder), processes, True, lambda _: None)
+    rate = 60.0 * swept.vehicle_seconds / swept.seconds
+    return VirtualCost(library() is not None, times_real, processes, vehicles, rate)
+
+
+def _one(flights: int) -> float:
+    scene = load_scene(EXPERIMENT)
+    law = load_controller(LAW, scene.vehicle_model(), scene.period_s)
+    pilot, vehicle, mission = scene.pilot(law), scene.vehicle(), scene.mission(law.law.preview_s)
+    took_s = []
+    for seed in range(flights):
+        began_s = time.perf_counter()
+        simulate(pilot, vehicle, mission, [seed])
+        took_s.append(time.perf_counter() - began_s)
+    return len(mission.time_s) * pilot.period_s / median(took_s)
