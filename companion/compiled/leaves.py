@@ -22,8 +22,9 @@ def mapped(value: Value, leaf: Callable[[str, Any], Any], path: str = "") -> Val
         parts = [mapped(part, leaf, f"{path}.{index}") for index, part in enumerate(value)]
         made = type(value)(*parts) if hasattr(value, "_fields") else tuple(parts)
     elif hasattr(value, "__dict__") and not isinstance(value, type):
-        made = copy.copy(value)
-        made.__dict__.update({name: mapped(part, leaf, f"{path}.{name}") for name, part in _fields(value)})
+        made, own = copy.copy(value), {name: mapped(part, leaf, f"{path}.{name}") for name, part in _fields(value)}
+        made.__dict__.clear()  # of what is cached, which would still be the example's
+        made.__dict__.update(own)
     return made  # type: ignore[no-any-return]
 
 

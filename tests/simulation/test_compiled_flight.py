@@ -53,6 +53,23 @@ def test_a_flight_is_the_same_to_the_last_bit(name: str) -> None:
 
 
 @compiled
+def test_another_vehicle_with_other_limits_is_flown_as_well() -> None:
+    """Every number of the companion's side is another than a default: none is left in the compiled code."""
+    flown = rough()
+    told = flown.companion.vehicle.model_copy(
+        update={"mass_kg": 1.7, "hover_thrust": 0.41, "attitude_bandwidth_radps": 9.0, "setpoint_delay_s": 0.063}
+    )
+    limits = flown.companion.limits.model_copy(update={"max_tilt_rad": 0.4, "max_thrust": 0.7, "min_thrust": 0.1})
+    flown = replace(flown, companion=flown.companion.model_copy(update={"vehicle": told, "limits": limits}))
+    plant = replace(flown.mock.plant, mass_kg=1.6, max_thrust_n=1.6 * 9.80665 / 0.43)
+    flown = replace(flown, mock=flown.mock.model_copy(update={"plant": plant}))
+    law = law_for(flown, allow_unstable=True)
+    fast, reference = both(flown, law, flown.vehicle(), [9])
+    for column, value in columns(fast).items():
+        np.testing.assert_array_equal(value, getattr(reference, column), err_msg=column)
+
+
+@compiled
 def test_frames_that_are_lost_change_nothing_of_that() -> None:
     flown = rough()
     law = law_for(flown)
