@@ -57,7 +57,7 @@ class CycleCost:
 
     @property
     def ratio(self) -> float:
-        """What is left of Python's time."""
+        """Share that is left of Python's time."""
         return self.flown_us / self.python_us
 
 

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from companion.compiled.leaves import flat
 from companion.compiled.library import library
+from companion.control.compiled_law import lookahead_of
 from companion.control.controller import Controller
 from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains
 from companion.control.horizon_correction import HorizonRules
-from companion.control.law_numbers import lookahead_of
 from companion.control.network import initial_network
 from companion.control.pipeline import idle_setpoint
 from companion.core.types import Array

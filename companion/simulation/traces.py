@@ -13,12 +13,12 @@ import numpy as np
 
 import companion.compiled
 from companion.compiled.c_source import CFunction, traced
+from companion.control.compiled_law import NO_LOOKAHEAD, Lookahead, NumberedPredictor
 from companion.control.controller import ControlInput
 from companion.control.disturbance import Disturbance, no_disturbance
 from companion.control.etnn import Decided, Etnn, EtnnMemory
 from companion.control.gains import EtnnGains
 from companion.control.horizon_correction import Horizon, HorizonInput, HorizonRules, no_horizon
-from companion.control.law_numbers import NO_LOOKAHEAD, Lookahead, NumberedPredictor
 from companion.control.network import NetworkState, initial_network
 from companion.control.pipeline import ControlPipeline
 from companion.control.wire_setpoint import WireSetpoint
