@@ -97,6 +97,7 @@ make_programs() {
     pip() { "$root/opt/dauam/bin/python" -m pip --quiet --disable-pip-version-check "$@"; }
     pip install --require-hashes -r "$source/requirements.lock" -r "$work/builder.lock"
     pip install --no-deps --no-build-isolation --force-reinstall "$work/source"
+    (cd / && "$root/opt/dauam/bin/python" -m companion.compiled.library)
     # Called from any folder, it looks for config/ beside its packages.
     packages=$("$root/opt/dauam/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')
     ln -sfn ../../../config "$packages/config"
