@@ -35,7 +35,7 @@ def main(arguments: list[str] | None = None) -> int:
         results[result.name] = result
         if options.resume or not options.only:
             write_json(results, options.json)
-    outcomes = [] if options.only else list(_fly("schedule", fly_schedule, range(options.random), os.cpu_count()))
+    outcomes = [] if options.only else list(_fly("schedule", fly_schedule, range(options.random), os.cpu_count() or 1))
     rows = (*VIRTUAL, *REAL)
     if all(row.name in results for row in rows):
         write_page({RECOGNISED: recognised(), FLOWN: flown(rows, results)})
@@ -58,9 +58,9 @@ def _fly_rows(options: argparse.Namespace, flown_before: set[str]) -> Iterator[R
     def chosen(names: Iterator[str]) -> list[str]:
         return [name for name in names if options.only in name and name not in flown_before]
 
-    yield from _fly("row", fly_named, chosen(row.name for row in VIRTUAL), os.cpu_count())
+    yield from _fly("row", fly_named, chosen(row.name for row in VIRTUAL), os.cpu_count() or 1)
     if not options.virtual:
-        yield from _fly("real-time row", fly_real_named, chosen(row.name for row in REAL), 1, flights_a_process=1)
+        yield from _fly("real-time row", fly_real_named, chosen(row.name for row in REAL), None)
 
 
 def _fly(
@@ -68,15 +68,32 @@ def _fly(
     fly: Callable[[Item], Ended],
     items: Sequence[Item],
     processes: int | None,
-    flights_a_process: int | None = None,
 ) -> Iterator[Ended]:
-    """Yield what became of each flight as it ends, and print a line of it; BrokenProcessPool when a process crashes."""
-    spawn, quiet = get_context("spawn"), (logging.CRITICAL,)
-    with ProcessPoolExecutor(processes, spawn, logging.disable, quiet, max_tasks_per_child=flights_a_process) as pool:
-        flights = [pool.submit(fly, item) for item in items]
-        for number, flight in enumerate(as_completed(flights), 1):
-            print(f"{_minutes()} {what} {number}/{len(flights)}: {line_of(flight.result())}", flush=True)
+    """Yield what became of each flight as it ends, and print a line of it; BrokenProcessPool when a process crashes.
+
+    Without a number of processes one flight after the other, each in a new one. (Executors that replace a process after
+    some tasks stop for ever in Python 3.11, https://github.com/python/cpython/issues/115634.)
+    """
+    flown = _fly_at_once(fly, items, processes) if processes else _fly_in_turn(fly, items)
+    for number, ended in enumerate(flown, 1):
+        print(f"{_minutes()} {what} {number}/{len(items)}: {line_of(ended)}", flush=True)
+        yield ended
+
+
+def _fly_at_once(fly: Callable[[Item], Ended], items: Sequence[Item], processes: int) -> Iterator[Ended]:
+    with _executor(processes) as pool:
+        for flight in as_completed([pool.submit(fly, item) for item in items]):
             yield flight.result()
+
+
+def _fly_in_turn(fly: Callable[[Item], Ended], items: Sequence[Item]) -> Iterator[Ended]:
+    for item in items:
+        with _executor(1) as pool:
+            yield pool.submit(fly, item).result()
+
+
+def _executor(processes: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(processes, get_context("spawn"), logging.disable, (logging.CRITICAL,))
 
 
 def _summary(results: dict[str, Result], outcomes: list[Outcome]) -> int:

@@ -57,7 +57,7 @@ def _parser() -> argparse.ArgumentParser:
 def _fly(orders: Sequence[Order], workers: int) -> Iterator[Outcome]:
     """Yield what became of each seed as it ends, and print a line of it; BrokenProcessPool when a process crashes."""
     spawn, quiet = get_context("spawn"), (logging.CRITICAL,)
-    with ProcessPoolExecutor(workers, spawn, logging.disable, quiet, max_tasks_per_child=8) as pool:
+    with ProcessPoolExecutor(workers, spawn, logging.disable, quiet) as pool:
         flights = [pool.submit(fly_seed, order) for order in orders]
         for number, flight in enumerate(as_completed(flights), 1):
             outcome = flight.result()
