@@ -38,6 +38,9 @@ class PredictionConfig(Section):
     observer_radps: float = Field(
         0.0, ge=0.0, le=20.0, description="poles of the observer of a push that goes on; 0: none"
     )
+    observer_trend: float = Field(
+        0.0, ge=0.0, le=1.0, description="third pole of the observer, for a push that changes, as a share of the others"
+    )
 
 
 class ErrorLimits(Section):
@@ -259,7 +262,7 @@ def etnn_law(file: EtnnFile, vehicle: VehicleModel, period_s: float) -> Etnn:
     p = file.prediction
     if not p.enabled:
         return Etnn(file.gains)
-    return Etnn(file.gains, Predictor(vehicle, period_s, p.lead_s, p.thrust_lead_s, p.observer_radps))
+    return Etnn(file.gains, Predictor(vehicle, period_s, p.lead_s, p.thrust_lead_s, p.observer_radps, p.observer_trend))
 
 
 def _refuse_unstable(gains: EtnnGains, path: Path, period_s: float) -> None:

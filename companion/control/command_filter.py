@@ -8,6 +8,7 @@ from companion.core.types import Array, Scalar
 from companion.core.values import value
 from companion.geometry.array_math import all_by_axis, by_axis, math_module
 
+_NOTHING = np.zeros(3)
 _ROUNDS = 20
 """Iterations of the fixed point at which the compensation is at rest."""
 
@@ -78,8 +79,12 @@ def virtual_control_2(chi_dot: Array, x1: Array, y2: Array, iota2: Array, gains:
     return by_axis(alpha2, y2, chi_dot, x1, iota2, *(gains.c2, gains.k2, gains.beta2, gains.gamma2))
 
 
-def filter_step(state: FilterState, alpha1: Array, f_hat: Array, gains: EtnnGains, dt_s: float) -> FilterState:
+def filter_step(
+    state: FilterState, alpha1: Array, f_hat: Array, gains: EtnnGains, dt_s: float, past_mps2: Array = _NOTHING
+) -> FilterState:
     """Advance eqs. cmd-filter and iota-dyn by `dt_s` with alpha_1 and f_hat held.
+
+    `past_mps2` (..., 3) is the part of alpha_1' that is known and goes past the filter: chi' = xi + it.
 
     Semi-implicit Euler for the filter (xi before chi): explicit Euler pumps energy into one as fast as a few control
     periods. The compensation is slower and damped by itself: explicit Euler, of the share `gains.compensation`.
@@ -89,14 +94,14 @@ def filter_step(state: FilterState, alpha1: Array, f_hat: Array, gains: EtnnGain
     quick, m = dt_s / (eps * eps), math_module(squared_1)
 
     def advanced(chi: Scalar, xi: Scalar, iota1: Scalar, iota2: Scalar, *held: Scalar) -> tuple[Scalar, ...]:
-        alpha1, f_hat, c1, k, k1, c2, k2 = held
+        alpha1, f_hat, past, c1, k, k1, c2, k2 = held
         late = chi - alpha1
         xi_after = xi - quick * (zeta * m.atan(late) + rho * m.atan(eps * xi))
         iota1_rate = iota2 + late - (c1 * squared_1 + k + k1 * theta_1) * iota1
         iota2_rate = f_hat - iota1 - (c2 * squared_2 + k2 * power_2) * iota2
-        return chi + dt_s * xi_after, xi_after, iota1 + share_s * iota1_rate, iota2 + share_s * iota2_rate
+        return chi + dt_s * (xi_after + past), xi_after, iota1 + share_s * iota1_rate, iota2 + share_s * iota2_rate
 
-    held = (alpha1, f_hat, gains.c1, gains.k, gains.k1, gains.c2, gains.k2)
+    held = (alpha1, f_hat, past_mps2, gains.c1, gains.k, gains.k1, gains.c2, gains.k2)
     return FilterState(*all_by_axis(advanced, state.chi, state.xi, state.iota1, state.iota2, *held))
 
 

@@ -28,6 +28,7 @@ class Lookahead:
     drives: Array
     thrust_share: float
     observer_radps: Scalar
+    observer_trend: Scalar
     commands: float
 
 
@@ -37,6 +38,7 @@ NO_LOOKAHEAD = Lookahead(
     drives=np.zeros((2, 3, COMMANDS + 2)),
     thrust_share=0.0,
     observer_radps=0.0,
+    observer_trend=0.0,
     commands=1.0,
 )
 """The shapes of these numbers."""
@@ -54,6 +56,7 @@ def lookahead_of(predictor: Predictor) -> Lookahead | None:
         drives=_with_room(weights.drives),
         thrust_share=predictor.thrust_share,
         observer_radps=predictor.observer_radps,
+        observer_trend=predictor.observer_trend,
         commands=float(commands),
     )
 
@@ -89,8 +92,8 @@ _SIGNALS |= {"kappa": slice(34, 35), "push": slice(35, 38)}
 """Internal values of a cycle in the compiled output, after the command and the event."""
 _V0, _V1 = slice(12, 28), slice(28, 43)
 """Weights of the network in the memory."""
-_Memory, _Given, _Output = ctypes.c_double * 95, ctypes.c_double * 31, ctypes.c_double * 38
-_Halfway, _Estimate = ctypes.c_double * 10, ctypes.c_double * 3
+_Memory, _Given, _Output = ctypes.c_double * 98, ctypes.c_double * 31, ctypes.c_double * 38
+_Halfway, _Estimate = ctypes.c_double * 13, ctypes.c_double * 3
 Decided = tuple[ctypes.Array[ctypes.c_double], ctypes.Array[ctypes.c_double], ControlInput]
 
 
@@ -132,8 +135,8 @@ class CompiledLaw:
         """Run the second half of a cycle."""
         before, output, now = decided
         after, f_hat = _Memory.from_buffer_copy(before), _Estimate()
-        velocity_ref = now.reference.velocity_w_mps.tolist()
-        halfway = _Halfway(*output[_SIGNALS["alpha1"]], *output[_SIGNALS["y2"]], *velocity_ref, now.dt_s)
+        reference = (*now.reference.velocity_w_mps.tolist(), *now.reference.acceleration_w_mps2.tolist())
+        halfway = _Halfway(*output[_SIGNALS["alpha1"]], *output[_SIGNALS["y2"]], *reference, now.dt_s)
         self._code.law_settle(after, halfway, self._numbers[0], f_hat)
         values, weights = np.array(output), np.array(before)
         signals = {name: values[part] for name, part in _SIGNALS.items()}

@@ -36,7 +36,7 @@ class PredictorMemory:
 
 @value
 class Prediction:
-    """Predicted position (m) and velocity (m/s), and the disturbance (m/s^2) assumed constant; (..., 3) in W."""
+    """Predicted position (m), velocity (m/s) and disturbance (m/s^2); (..., 3) in W."""
 
     position_w_m: Array
     velocity_w_mps: Array
@@ -58,6 +58,8 @@ class Predictor:
     thrust_lead_s: Scalar
     observer_radps: Scalar = 0.0
     """Poles of the disturbance observer, rad/s; 0 assumes no disturbance."""
+    observer_trend: Scalar = 0.0
+    """Third pole of the observer, as a share of the others; 0 takes the disturbance as constant."""
 
     def __post_init__(self) -> None:
         """Compute the weights now, not in the first cycle in the air."""
@@ -90,8 +92,9 @@ class Predictor:
         accel = stack(thrust * x, thrust * y, thrust * z - self.vehicle.gravity_mps2)
         drives[..., -2] = accel
         drives[..., -1] = _jerk(thrust, now.q_w_flu_wxyz, now.rate_flu_radps)
-        observed = observe(memory.observed, now.velocity_w_mps, accel, now.age_s, now.dt_s, self.observer_radps)
-        return self._propagate(now, drives, observed.disturbance), PredictorMemory(drives, stack(thrust), observed)
+        poles = self.observer_radps, self.observer_trend
+        observed = observe(memory.observed, now.velocity_w_mps, accel, now.age_s, now.dt_s, *poles)
+        return self._propagate(now, drives, observed), PredictorMemory(drives, stack(thrust), observed)
 
     def _oldest(self, drives: Array) -> Array:
         """Return the command that acts at capture time, (..., 3)."""
@@ -104,13 +107,15 @@ class Predictor:
         size = math_module(x).sqrt(x * x + y * y + up * up)
         return before + (size - before) * self.thrust_share
 
-    def _propagate(self, now: ControlInput, drives: Array, disturbance: Array) -> Prediction:
+    def _propagate(self, now: ControlInput, drives: Array, observed: DisturbanceEstimate) -> Prediction:
         w, velocity = self.weights, now.velocity_w_mps
         late = now.age_s - self.vehicle.mocap_age_s  # the part of the age the weights do not know
         ahead = w.horizon_s + late
         moved, faster = dots(w.drives[..., 0, :, :], drives), dots(w.drives[..., 1, :, :], drives)
-        position = now.position_w_m + ahead * velocity + (0.5 * ahead * ahead) * disturbance + moved
-        return Prediction(position, velocity + ahead * disturbance + faster, disturbance)
+        disturbance, rate = observed.disturbance, observed.rate
+        middle, end = disturbance + (ahead / 3.0) * rate, disturbance + ahead * rate
+        position = now.position_w_m + ahead * velocity + (0.5 * ahead * ahead) * middle + moved
+        return Prediction(position, velocity + ahead * (disturbance + 0.5 * ahead * rate) + faster, end)
 
     @cached_property
     def thrust_share(self) -> float:

@@ -1,8 +1,8 @@
 """Observer of accelerations not caused by the rotors (a departure from the paper, off by default).
 
 Motion capture measures the attitude, so the acceleration a of the rotors is known: v' = a + d with d unknown. A
-Luenberger observer with both poles at -w estimates d: a constant d exactly, one that changes at d' with an error of
-2 d'/w.
+Luenberger observer with two poles at -w estimates d: a constant d exactly, one that changes at d' with an error of
+2 d'/w. A third pole at -r w, with a trend r above 0, estimates d' as well.
 """
 
 import numpy as np
@@ -17,10 +17,12 @@ _LONGEST_S = 0.05
 
 @value
 class DisturbanceEstimate:
-    """Observed velocity (m/s) and disturbance (m/s^2), (..., 3) in W; rotors' acceleration and age at the last step."""
+    """Observed velocity (m/s), disturbance (m/s^2) and its rate (m/s^3), (..., 3) in W; the rotors' acceleration and
+    the age at the last step."""
 
     velocity: Array
     disturbance: Array
+    rate: Array
     accel: Array
     age_s: Scalar
 
@@ -28,7 +30,7 @@ class DisturbanceEstimate:
 def nothing_observed(velocity_w_mps: Array, age_s: Scalar) -> DisturbanceEstimate:
     """Return the estimate at lift-off: no disturbance."""
     nothing = np.zeros_like(velocity_w_mps)
-    return DisturbanceEstimate(velocity_w_mps, nothing, nothing, age_s)
+    return DisturbanceEstimate(velocity_w_mps, nothing, nothing, nothing, age_s)
 
 
 def observe(
@@ -38,6 +40,7 @@ def observe(
     age_s: Scalar,
     dt_s: float,
     poles_radps: Scalar,
+    trend: Scalar = 0.0,
 ) -> DisturbanceEstimate:
     """Advance by `dt_s` with a state as old as `age_s`; `accel_w_mps2` is the acceleration of the rotors at that time.
 
@@ -45,16 +48,21 @@ def observe(
     """
     elapsed_s = maximum(dt_s + before.age_s - age_s, 0.0)
     turn = poles_radps * minimum(elapsed_s, _LONGEST_S)
-    share = minimum(2.0 * turn, 1.0)
+    share, gain, rate_gain = (
+        minimum((2.0 + trend) * turn, 1.0),
+        (1.0 + 2.0 * trend) * poles_radps * turn,
+        trend * poles_radps * poles_radps * turn,
+    )
 
     def corrected(
-        measured: Scalar, velocity: Scalar, disturbance: Scalar, accel_before: Scalar, accel: Scalar
-    ) -> tuple[Scalar, Scalar]:
+        measured: Scalar, velocity: Scalar, disturbance: Scalar, rate: Scalar, accel_before: Scalar, accel: Scalar
+    ) -> tuple[Scalar, Scalar, Scalar]:
         expected = velocity + elapsed_s * (0.5 * (accel_before + accel) + disturbance)
         innovation = measured - expected
-        return expected + share * innovation, disturbance + poles_radps * turn * innovation
+        now = disturbance + elapsed_s * rate + gain * innovation
+        return expected + share * innovation, now, rate + rate_gain * innovation
 
-    velocity, disturbance = all_by_axis(
-        corrected, velocity_w_mps, before.velocity, before.disturbance, before.accel, accel_w_mps2
+    velocity, disturbance, rate = all_by_axis(
+        corrected, velocity_w_mps, before.velocity, before.disturbance, before.rate, before.accel, accel_w_mps2
     )
-    return DisturbanceEstimate(velocity, disturbance, accel_w_mps2, age_s)
+    return DisturbanceEstimate(velocity, disturbance, rate, accel_w_mps2, age_s)

@@ -73,7 +73,7 @@ class Etnn:
         iota1, iota2 = cf.compensation_at_rest(left, g)
         y1 = state.position_w_m - now.reference.position_w_m - iota1
         alpha1 = cf.virtual_control_1(now.reference.velocity_w_mps, y1, iota1, g)
-        filtered = cf.in_motion(alpha1, now.reference.acceleration_w_mps2, iota1, iota2, g)
+        filtered = cf.in_motion(alpha1, now.reference.acceleration_w_mps2 - self._past(now), iota1, iota2, g)
         return EtnnMemory(filtered, nn.with_bias(start.network, left, g), start.trigger, predictor)
 
     def step(self, memory: EtnnMemory, now: ControlInput) -> tuple[EtnnMemory, ControlOutput]:
@@ -91,7 +91,7 @@ class Etnn:
         y1 = x1 - f.iota1
         alpha1 = cf.virtual_control_1(reference.velocity_w_mps, y1, f.iota1, g)
         y2 = state.velocity_w_mps - f.chi - f.iota2
-        alpha2 = cf.virtual_control_2(f.xi, x1, y2, f.iota2, g)
+        alpha2 = cf.virtual_control_2(f.xi + self._past(now), x1, y2, f.iota2, g)
         u_bar = et.continuous_control(alpha2, y2, memory.trigger.kappa, g) - now.known_accel_w_mps2
         if self.predictor:
             u_bar = u_bar - g.push_share * state.disturbance_w_mps2
@@ -121,12 +121,16 @@ class Etnn:
         x_d, phi = nn.hidden_layer(before.network, decided.now.reference.velocity_w_mps)
         f_hat = nn.output(before.network, phi)
         after = EtnnMemory(
-            cf.filter_step(before.filter, decided.alpha1, f_hat, g, dt_s),
+            cf.filter_step(before.filter, decided.alpha1, f_hat, g, dt_s, self._past(decided.now)),
             nn.network_step(before.network, x_d, phi, decided.y2, g, dt_s),
             decided.trigger,
             decided.predictor,
         )
         return after, {"f_hat": f_hat, "v0": before.network.v0, "v1": before.network.v1}
+
+    def _past(self, now: ControlInput) -> Array:
+        """Return the part of alpha_1' (m/s^2) that goes past the filter: it is known, and would come late out of it."""
+        return np.asarray(self.gains.past_filter * now.reference.acceleration_w_mps2)
 
     def _state(self, memory: EtnnMemory, now: ControlInput) -> tuple[Prediction, PredictorMemory | None]:
         if self.predictor is None or memory.predictor is None:

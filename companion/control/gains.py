@@ -86,6 +86,9 @@ class EtnnGains(Gains):
     push_share: float = Field(
         0.0, ge=0.0, le=1.0, description="departure: share of the observed push that is taken off u_bar; 0 = as printed"
     )
+    past_filter: float = Field(
+        0.0, ge=0.0, le=1.0, description="departure: share of p_d'' that goes past the command filter; 0 = as printed"
+    )
     every_cycle: bool = Field(False, description="departure: send every cycle, trigger off; false = as printed")
 
     @model_validator(mode="after")

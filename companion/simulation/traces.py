@@ -173,6 +173,7 @@ class Halfway:
     alpha1: Array
     y2: Array
     velocity_ref: Array
+    acceleration_ref: Array
     dt_s: float
 
 
@@ -185,7 +186,7 @@ def settle(memory: EtnnMemory, halfway: Halfway, gains: EtnnGains) -> dict[str, 
         q_w_flu_wxyz=_LEVEL,
         rate_flu_radps=zero,
         age_s=0.0,
-        reference=Reference(zero, halfway.velocity_ref, zero, 0.0),
+        reference=Reference(zero, halfway.velocity_ref, halfway.acceleration_ref, 0.0),
         sent_accel_w_mps2=zero,
         dt_s=halfway.dt_s,
     )
@@ -361,7 +362,7 @@ def functions() -> list[CFunction]:
         traced("begin_law", begin_law, given=given, law=law, dt_s=0.01, network=network),
         traced("fly", fly, memory=memory, given=given, law=law, dt_s=0.01, fixed=("law", "dt_s")),
         traced("decide", decide, memory=memory.law, now=first, gains=EtnnGains(), lookahead=NO_LOOKAHEAD),
-        traced("settle", settle, memory=memory.law, halfway=Halfway(zero, zero, zero, 0.01), gains=EtnnGains()),
+        traced("settle", settle, memory=memory.law, halfway=Halfway(zero, zero, zero, zero, 0.01), gains=EtnnGains()),
         traced(
             "send",
             send,

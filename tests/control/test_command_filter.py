@@ -113,3 +113,17 @@ def test_the_filters_steps_are_stable_iff_the_gains_say_so(dt: float, eps: float
     assert load == pytest.approx(2.0 * a + w)
     assume(abs(load - 4.0) > 1e-3)
     assert (float(abs(np.roots([1.0, -(2.0 - a - w), 1.0 - a])).max()) < 1.0) == (load < 4.0)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.6, 1.0])
+def test_what_goes_past_the_filter_is_not_late(share: float) -> None:
+    """Behind an input that changes at a rate a the filter is late by rho eps/zeta a, but for what passes it."""
+    gains = EtnnGains(filter_eps=0.1, zeta=2.0, rho=1.0)
+    accel = np.array([0.02, -0.01, 0.0])  # small: atan is linear
+    state, alpha1 = at_lift_off(ZERO), ZERO
+    for _ in range(3000):
+        state = filter_step(state, alpha1, ZERO, gains, 0.001, share * accel)
+        alpha1 = alpha1 + 0.001 * accel
+    late_s = gains.rho * gains.filter_eps / gains.zeta
+    np.testing.assert_allclose(alpha1 - state.chi, (1.0 - share) * late_s * accel, atol=3e-5)
+    np.testing.assert_allclose(state.xi, (1.0 - share) * accel, atol=1e-4)

@@ -48,3 +48,16 @@ def test_no_poles_no_push() -> None:
     for n in range(50):
         observed = observe(observed, np.full(3, 0.3 * n), NOTHING, 0.0, DT_S, 0.0)
     np.testing.assert_array_equal(observed.disturbance, NOTHING)
+
+
+@given(rate=st.floats(-0.5, 0.5), poles=st.floats(4.0, 10.0), trend=st.sampled_from([0.0, 0.25, 1.0]))
+def test_a_push_that_changes_is_followed_with_its_rate_by_the_third_pole_alone(
+    rate: float, poles: float, trend: float
+) -> None:
+    observed = nothing_observed(NOTHING, 0.0)
+    for n in range(1, 1501):
+        time_s = n * DT_S
+        observed = observe(observed, np.full(3, 0.5 * rate * time_s**2), NOTHING, 0.0, DT_S, poles, trend)
+    behind = 0.0 if trend else 2.0 * rate / poles
+    np.testing.assert_allclose(rate * 15.0 - observed.disturbance, behind, atol=0.12 * abs(rate) + 1e-9)
+    np.testing.assert_allclose(observed.rate, rate if trend else 0.0, atol=0.02 * abs(rate) + 1e-9)

@@ -201,8 +201,7 @@ def _from_file(name: str) -> dict[str, float]:
     if files.tables.get("law") in PEERS:
         return PeerSpace(files).start
     file = read_etnn(files)
-    p = file.prediction
-    return values_from(file.gains, p.lead_s, p.thrust_lead_s, p.observer_radps)
+    return values_from(file.gains, file.prediction)
 
 
 def _command(options: dict[str, object]) -> str:

@@ -13,7 +13,7 @@ embedded quadratic programming using recursive LDL' updates", IEEE TAC 67(8), 20
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -73,7 +73,7 @@ class LinearMpc(PeerLaw):
         """Return the memory whose observer holds a known disturbance (m/s^2), (..., 3)."""
         nothing = nothing_observed(now.velocity_w_mps, now.age_s)
         known, acting = known_disturbance_w_mps2 + nothing.disturbance, now.sent_accel_w_mps2 + nothing.accel
-        return MpcMemory(self.begin(now), DisturbanceEstimate(nothing.velocity, known, acting, now.age_s))
+        return MpcMemory(self.begin(now), replace(nothing, disturbance=known, accel=acting))
 
     def step(self, memory: MpcMemory, now: ControlInput) -> tuple[MpcMemory, ControlOutput]:
         """Return the memory and the command of one cycle."""

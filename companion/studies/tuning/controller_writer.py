@@ -15,8 +15,9 @@ _HEAD = """\
 # - gamma_v0, gamma_v1: the printed 100 closes an adaptation loop faster than the vehicle's attitude can follow.
 # - prediction: the commands already sent and the attitude measured now say where the vehicle will be when a new command
 #   begins to act; without it nothing that is precise is stable on a real attitude loop.
-# - observer_radps, push_share: what the rotors do not explain of the motion is a push that goes on: the
-#   prediction knows it, and a share of it is taken off the command.
+# - observer_radps, observer_trend, push_share: what the rotors do not explain of the motion is a push that goes on and
+#   changes: the prediction knows it, and a share of it is taken off the command.
+# - past_filter: a share of the reference's acceleration, which is known, does not come late out of the command filter.
 # - the gains: found by
 #       {command}
 #   which also checked them on seeds and trajectories that it had never flown.
@@ -31,6 +32,7 @@ enabled = true
 lead_s = {lead_s:.3g}         # beyond the known delays, s
 thrust_lead_s = {thrust_lead_s:.3g}  # s
 observer_radps = {observer_radps:.3g}
+observer_trend = {observer_trend:.3g}
 
 [error_limits]
 mean_m = 0.05

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from companion.config.controller_config import PredictionConfig
 from companion.control.controller import Controller, VehicleModel
 from companion.control.delay_predictor import Predictor
 from companion.control.etnn import Etnn
@@ -77,6 +78,8 @@ KNOBS = (
     Knob("thrust_lead_s", 0.0, 0.12, linear=True),
     Knob("observer_radps", 0.5, 10.0),
     Knob("push_share", 0.0, 1.0, linear=True),
+    Knob("past_filter", 0.0, 1.0, linear=True),
+    Knob("observer_trend", 0.0, 1.0, linear=True),
 )
 """Gains of z are those of x and y times `z_outer` (first step) or `z_inner` (second), as the paper's are times 1.2."""
 
@@ -84,12 +87,13 @@ START = {
     "c1": 2.1, "k1": 1.0, "beta1": 1.7, "gamma1": 2.0, "k": 1.7, "c2": 0.066, "k2": 1.8, "beta2": 0.31, "gamma2": 0.44,
     "z_outer": 0.89, "z_inner": 1.33, "filter_eps": 0.148, "zeta": 2.2, "rho": 0.91, "sigma": 0.09, "delta": 0.16,
     "gamma_v": 4.2, "power_regularisation": 0.016, "boundary_layer_mps": 1.3, "lead_s": 0.19, "thrust_lead_s": 0.115,
-    "observer_radps": 7.9, "push_share": 0.82,
+    "observer_radps": 7.9, "push_share": 0.82, "past_filter": 0.7, "observer_trend": 0.2,
 }  # fmt: skip
 """Default centre of a search: the middle of an earlier search, in round numbers."""
 
 _SCALARS = (
     "filter_eps", "zeta", "rho", "sigma", "delta", "power_regularisation", "boundary_layer_mps", "push_share",
+    "past_filter",
 )  # fmt: skip
 HIDDEN = 4
 
@@ -134,13 +138,13 @@ def gain_fields(values: dict[str, float]) -> EtnnGains:
 
 def law_of(values: dict[str, Array], vehicle: VehicleModel, period_s: float) -> Etnn:
     """The laws of a batch of points, as one law that flies (B,) vehicles."""
-    lead_s, thrust_lead_s, observer_radps = (
-        values[name][:, None] for name in ("lead_s", "thrust_lead_s", "observer_radps")
+    lead_s, thrust_lead_s, observer_radps, trend = (
+        values[name][:, None] for name in ("lead_s", "thrust_lead_s", "observer_radps", "observer_trend")
     )
-    return Etnn(gains_of(values), Predictor(vehicle, period_s, lead_s, thrust_lead_s, observer_radps))
+    return Etnn(gains_of(values), Predictor(vehicle, period_s, lead_s, thrust_lead_s, observer_radps, trend))
 
 
-def values_from(gains: EtnnGains, lead_s: float, thrust_lead_s: float, observer_radps: float) -> dict[str, float]:
+def values_from(gains: EtnnGains, prediction: PredictionConfig) -> dict[str, float]:
     """The point of a law that was loaded from a file; the second step's z is taken from beta_2."""
     values = {name: float(getattr(gains, name)[0]) for name in (*_OUTER, *_INNER)}
     values |= {name: float(getattr(gains, name)) for name in _SCALARS}
@@ -148,9 +152,10 @@ def values_from(gains: EtnnGains, lead_s: float, thrust_lead_s: float, observer_
         "z_outer": float(gains.k[2] / gains.k[0]),
         "z_inner": float(gains.beta2[2] / gains.beta2[0]),
         "gamma_v": float(gains.gamma_v1[0]),
-        "lead_s": lead_s,
-        "thrust_lead_s": thrust_lead_s,
-        "observer_radps": observer_radps,
+        "lead_s": prediction.lead_s,
+        "thrust_lead_s": prediction.thrust_lead_s,
+        "observer_radps": prediction.observer_radps,
+        "observer_trend": prediction.observer_trend,
     }
 
 
