@@ -88,7 +88,7 @@ def test_a_mistake_in_the_ranges_is_one_sentence(table: str, said: str, tmp_path
 def test_a_trial_flies_the_peers_law() -> None:
     short = scene(Ellipse(CENTRE, (0.4, 0.3), LapTiming(4.0, 1, 1.0)), settle_s=1.0, disturbance=PUSHED)
     space = PeerSpace(read_controller("indi"))
-    point = shares_of(space.start, space.knobs)
+    point = shares_of(space.start | {"send_from_mps2": 0.1}, space.knobs)
     quiet = shares_of(space.start | {"send_from_mps2": 0.9}, space.knobs)
     marks = evaluate(Trial(short, 5, (0,), (1,), space), np.stack((point, quiet)))
     assert marks.error_m[0] < 0.1

@@ -79,7 +79,7 @@ class PeerSpace:
 
     def toml(self, values: dict[str, float], command: str) -> str:
         """Return the file's text with these gains, and the command that found them above [gains]."""
-        text = re.sub(r"(?m)^# Gains found by `.*`\.\n", "", self.files.text)
+        text = re.sub(r"(?m)^# Gains found by `[^`]*`.*\n", "", self.files.text)
         head, _, rest = text.partition("[gains]\n")
         table, cut, tail = rest.partition("\n[")
         for name in (name for name in values if not name.endswith(_AXIS_Z)):
