@@ -12,6 +12,7 @@ from companion.compiled.library import library
 from companion.config.controller_config import load_controller
 from companion.simulation.scene import load_scene
 from companion.simulation.simulation import simulate
+from companion.simulation.workers import Backend
 from companion.studies.sweep.sweep import Sweep
 from companion.studies.sweep.sweep_run import run
 
@@ -39,7 +40,8 @@ def measure_virtual(flights: int, vehicles: int, say: Callable[[str], None]) -> 
     say(f"a sweep of {vehicles} vehicles")
     processes = len(os.sched_getaffinity(0))
     with tempfile.TemporaryDirectory() as folder:
-        swept = run(Sweep(vehicles=vehicles, seed=1, controller=LAW), Path(folder), processes, True, lambda _: None)
+        sweep = Sweep(vehicles=vehicles, seed=1, controller=LAW)
+        swept = run(sweep, Path(folder), Backend(processes), True, lambda _: None)
     rate = 60.0 * swept.vehicle_seconds / swept.seconds
     return VirtualCost(library() is not None, times_real, processes, vehicles, rate)
 

@@ -1,8 +1,9 @@
 """Experiments as files: trajectory, arms, the companion's configuration, and the simulated vehicle and room."""
 
-from dataclasses import dataclass, replace
+import pickle
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Literal
 
 import numpy as np
@@ -118,6 +119,10 @@ class Scene:
     """Time that transport and event loops add to each of the mock's delays, s."""
     radio: Directions | None = None
     """Impairments of the link to a law on the ground; None: the law is on board."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle the fields alone: where it is loaded once more there is one already, with all it has computed."""
+        return _loaded, (pickle.dumps({field.name: getattr(self, field.name) for field in fields(self)}),)
 
     @property
     def period_s(self) -> float:
@@ -237,6 +242,11 @@ class Scene:
         goals_rad = self.arms.trajectory.at(self._cycle_s).position_rad
         table = table_of(self.mock.arms, goals_rad, self.period_s, STEP_S)
         return Carried(table, self.mock.arms.inertia_kgm2, ParamTable(self.mock.px4.params).trim_times_s)
+
+
+@lru_cache(maxsize=16)
+def _loaded(values: bytes) -> Scene:
+    return Scene(**pickle.loads(values))  # noqa: S301
 
 
 def experiment_names() -> list[str]:

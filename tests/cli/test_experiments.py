@@ -2,13 +2,14 @@
 
 import json
 import re
+from functools import wraps
 from pathlib import Path
 
 import pytest
 
 from companion.cli.studies import experiments as command
 from companion.studies.paper import campaign
-from companion.studies.paper.campaign import Flown, Item
+from companion.studies.paper.campaign import Flown, Job
 from tests.cli.typed import Type, typing
 from tests.control.first_law import FAILING_LINE, failing_law
 from tests.flights.command import ROOT
@@ -20,8 +21,9 @@ PRACTICAL = ROOT / "config" / "controllers" / "practical.toml"
 
 
 @pytest.fixture
-def typed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Type:
-    """`companion experiments ARGUMENTS` in this process."""
+def typed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Type:
+    """`companion experiments ARGUMENTS` in this process and a folder without results."""
+    monkeypatch.chdir(tmp_path)
     return typing("experiments", monkeypatch, capsys)
 
 
@@ -36,7 +38,7 @@ def test_the_summary_has_every_law_and_is_the_same_for_the_same_seeds(typed: Typ
     asked = ("--experiments", short, "--controllers", "practical", "--seeds", "4:5", "--no-report", "--no-ablations")
     first = typed(*asked, "--summary", once, "--jobs", "1")
     assert first.code == 0, first.err
-    assert typed(*asked, "--summary", again, "--jobs", "2").code == 0
+    assert typed(*asked, "--summary", again, "--jobs", "2", "--fresh").code == 0
     assert once.read_bytes() == again.read_bytes()
     data = json.loads(once.read_text(encoding="utf-8"))
     assert (data["seeds"], data["bandwidth_radps"], data["complete"]) == ([4, 5], None, True)
@@ -52,7 +54,7 @@ def test_the_summary_has_every_law_and_is_the_same_for_the_same_seeds(typed: Typ
     means = [laws[name]["mean_error_m"] for name in ("practical", "pid")]
     reduced = [100.0 * (1.0 - mine / other) for mine, other in zip(*means, strict=True)]
     assert laws["practical"]["mean_reduced_percent"] == pytest.approx(reduced)
-    assert not (tmp_path / "flights").exists()
+    assert not list(tmp_path.rglob("report.html"))
 
 
 def test_the_report_and_every_variant(typed: Type, short: Path, tmp_path: Path) -> None:
@@ -82,25 +84,31 @@ def test_a_law_outside_its_limits_is_a_bad_result(typed: Type, short: Path, tmp_
     assert "strict on short: outside its error limits" in ended.out
 
 
-def test_what_was_flown_before_an_interruption_is_kept(
+def test_what_was_flown_before_an_interruption_is_kept_and_not_flown_again(
     typed: Type, short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fly(item: Item) -> Flown:
-        if item.controller != "pid":
-            raise KeyboardInterrupt
-        return campaign.fly(item)
+    flown: list[str] = []
 
-    monkeypatch.setattr(command, "fly", fly)
+    @wraps(campaign.fly_job)
+    def fly(job: Job) -> Flown:
+        flown.append(job.item.controller)
+        if flown == ["pid", "practical"]:
+            raise KeyboardInterrupt
+        return campaign.fly_job(job)
+
+    monkeypatch.setattr(command, "fly_job", fly)
     summary = tmp_path / "summary.json"
-    ended = typed(
-        "--experiments", short, "--controllers", "practical", "--seeds", "1:1", "--summary", summary, "--jobs", "1"
-    )
+    asked = ("--experiments", short, "--controllers", "practical", "--seeds", "1:1", "--no-report", "--no-ablations")
+    ended = typed(*asked, "--summary", summary, "--jobs", "1")
     assert ended.code == 130
     assert "Traceback" not in ended.err
-    assert "interrupted after 1 of " in ended.out
+    assert "interrupted after 1 of 2 flights; the same command goes on" in ended.out
     data = json.loads(summary.read_text(encoding="utf-8"))
     assert data["complete"] is False
     assert list(data["experiments"]["short"]) == ["pid"]
+    assert typed(*asked, "--summary", summary, "--jobs", "1").code == 0
+    assert flown == ["pid", "practical", "practical"]
+    assert json.loads(summary.read_text(encoding="utf-8"))["complete"] is True
 
 
 def test_a_file_may_not_go_by_the_baselines_name_unless_it_is_the_baseline(

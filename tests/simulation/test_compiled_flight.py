@@ -1,12 +1,15 @@
 """The compiled loop flies as the Python does, to the last bit, and leaves to it what it cannot."""
 
+import runpy
+import shutil
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from companion.compiled.library import library
+from companion.compiled.library import LIBRARY, library
 from companion.config.controller_config import LoadedController
 from companion.control.etnn import Etnn
 from companion.simulation import compiled_flight
@@ -40,6 +43,17 @@ def columns(trace: Trace) -> dict[str, Any]:
 
 def test_the_c_source_is_what_the_python_says() -> None:
     assert SOURCE.read_text(encoding="utf-8") == source()
+
+
+@compiled
+@pytest.mark.parametrize("changed", [None, "flight.c", "traced.c"])
+def test_what_was_compiled_from_another_source_does_not_fly(tmp_path: Path, changed: str | None) -> None:
+    folder = shutil.copytree(LIBRARY.parent, tmp_path / "compiled")
+    if changed is not None:
+        with (folder / changed).open("a", encoding="utf-8") as file:
+            file.write("/* changed */\n")
+    found = runpy.run_path(str(folder / "library.py"))["library"]()
+    assert (found is None) == (changed is not None)
 
 
 @compiled

@@ -1,13 +1,13 @@
 """The search: its costs by hand, its marks against single flights, and that it is repeatable and gets somewhere."""
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from cmaes import CMA
 
+from companion.simulation.workers import Workers
 from companion.studies.sweep.sweep_vehicles import Drawn, draw
 from companion.studies.tuning.etnn_space import penalty
 from companion.studies.tuning.gain_space import KNOBS, START, shares_of
@@ -78,8 +78,7 @@ def run(generations: int = 2) -> tuple[list[Centre], list[Generation]]:
         scenes=(SHORT,), loops=1, generations=generations, population=4, weights=(0.8,), seed=3, told=1, others=1
     )
     told: list[Generation] = []
-    with ThreadPoolExecutor(1) as pool:
-        kept = search(plan, point(gamma_v=0.3), pool, lambda generation, _: told.append(generation))
+    kept = search(plan, point(gamma_v=0.3), Workers(None), lambda generation, _: told.append(generation))
     return kept, told
 
 

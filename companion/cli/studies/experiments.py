@@ -1,10 +1,9 @@
 """`companion experiments`: the paper's two experiments in virtual time, with the paper's numbers."""
 
 import json
-import os
 import shlex
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -20,6 +19,7 @@ from companion.cli import complete
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED, names_of, seeds_of
 from companion.cli.options import AllowUnstable, LawOn, Place, RadioLink, SummaryFile, check_link
 from companion.cli.output import check_output
+from companion.cli.studies.backend import Fresh, Jobs, OnCluster, backend_of, local_jobs
 from companion.cli.terminal import numbers_table, progress_bar
 from companion.config.controller_config import controller_path
 from companion.config.locations import project_root
@@ -27,14 +27,23 @@ from companion.config.text_files import read_text
 from companion.core.interfaces import ConfigError
 from companion.simulation.radio import radio_named, words_of
 from companion.simulation.scene import HorizonError, experiment_names
-from companion.simulation.workers import in_parallel
+from companion.simulation.workers import Backend, in_parallel
 from companion.studies.paper import campaign_table as words
-from companion.studies.paper.campaign import BASELINE, Flown, Item, fly, label_of, scene_of, variants_of, whole_items
+from companion.studies.paper.campaign import (
+    BASELINE,
+    Flown,
+    Item,
+    fly_job,
+    job_of,
+    label_of,
+    scene_of,
+    variants_of,
+    whole_items,
+)
 
-Task = TypeVar("Task")
 Result = TypeVar("Result")
 
-_ADVICE = "try fewer --jobs or fewer --seeds"
+_ADVICE = "what is flown is kept, the same command goes on from there; try fewer --jobs or fewer --seeds"
 _TONES = {GOOD: "green", BAD: "red", FAINT: "dim"}
 
 
@@ -59,6 +68,17 @@ class Campaign:
         unstable = ["--allow-unstable"] if one.allow_unstable else []
         ground = [] if one.radio is None else ["--law-on", "ground", "--link", words_of(one.radio)]
         return shlex.join(["companion", "experiments", *lists, *seeds, *bandwidth, *ground, *unstable])
+
+
+@dataclass(frozen=True)
+class _Run:
+    """Computers that fly a campaign, and the folder of its results."""
+
+    backend: Backend
+    jobs: int
+    """Number of processes of this computer, for drawing."""
+    out: Path
+    fresh: bool
 
 
 def experiments(
@@ -89,22 +109,22 @@ def experiments(
     ] = None,
     law_on: LawOn = Place.BOARD,
     link: RadioLink = None,
-    out: Annotated[Path, typer.Option(help="Write the report and its figures into this folder.")] = Path(
+    out: Annotated[Path, typer.Option(help="Write parts, the report and its figures into this folder.")] = Path(
         "flights/experiments"
     ),
     summary: SummaryFile = None,
     ablations: Annotated[bool, typer.Option(help="Also fly each law without one of its parts.")] = True,
     report: Annotated[bool, typer.Option(help="Draw the figures and write the report.")] = True,
-    jobs: Annotated[
-        int | None, typer.Option(min=1, max=256, help="Number of processes.  [default: one per CPU]")
-    ] = None,
+    on: OnCluster = None,
+    jobs: Jobs = None,
+    fresh: Fresh = False,
 ) -> None:
     """Fly the paper's experiments in virtual time with both arms swinging; compare the errors with the paper's.
 
     Exit codes: 0 no vehicle lost and every flight of every complete law inside its error limits; 1 not so; 2 could
-    not be flown; 130 after Ctrl-C, which keeps the finished flights.
+    not be flown; 130 after Ctrl-C. Finished parts are kept: the same command continues.
     """
-    console = Console()
+    console, backend = Console(), backend_of(on, jobs)
     try:
         laws = tuple(map(_baseline_or_own, _listed(controllers, "controllers")))
         chosen = _listed(names, "experiments")
@@ -114,25 +134,28 @@ def experiments(
         wholes = tuple(replace(item, radio=radio) for item in items)
         variants = tuple(variant for item in wholes for variant in variants_of(item))
         campaign = Campaign(chosen, laws, wholes, variants if ablations else ())
-        folder = out if report else None
-        check_output(folder, summary)
-        raise typer.Exit(_run(campaign, console, jobs or len(os.sched_getaffinity(0)), folder, summary))
+        check_output(out / "parts", summary)
+        run = _Run(backend, local_jobs(jobs), out, fresh)
+        raise typer.Exit(_run(campaign, console, run, report, summary))
     except KeyboardInterrupt:
         raise typer.Exit(INTERRUPTED) from None
 
 
-def _run(campaign: Campaign, console: Console, jobs: int, out: Path | None, summary: Path | None) -> int:
-    tasks = (*campaign.wholes, *campaign.variants)
-    done, interrupted = _each(fly, tasks, jobs, console, f"flying, {len(campaign.wholes[0].seeds)} vehicles each")
+def _run(campaign: Campaign, console: Console, run: _Run, report: bool, summary: Path | None) -> int:
+    tasks = [job_of(item) for item in (*campaign.wholes, *campaign.variants)]
+    flying = in_parallel(fly_job, tasks, run.backend, _ADVICE, run.out / "parts", run.fresh)
+    doing = f"flying, {len(campaign.wholes[0].seeds)} vehicles each"
+    done, interrupted = _each(flying, len(tasks), console, doing)
     flights = [done[number] for number in sorted(done)]
     _print_all(campaign, flights, console)
     if summary is not None and flights:
         data = words.summary(flights) | {"complete": not interrupted}
         summary.write_text(json.dumps(data, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    if not interrupted and out is not None:
-        interrupted = _write_report(campaign, flights, console, jobs, out)
+    if not interrupted and report:
+        interrupted = _write_report(campaign, flights, console, run)
     if interrupted:
-        console.print(f"[yellow]interrupted[/] after {len(flights)} of {len(tasks)} flights", highlight=False)
+        said = f"[yellow]interrupted[/] after {len(flights)} of {len(tasks)} flights; the same command goes on"
+        console.print(said, highlight=False)
         return INTERRUPTED
     return _verdict([flown for flown in flights if not flown.item.variant], console)
 
@@ -158,14 +181,14 @@ def _baseline_or_own(name: str) -> str:
 
 
 def _each(
-    work: Callable[[Task], Result], tasks: Sequence[Task], jobs: int, console: Console, doing: str
+    results: Iterator[tuple[int, Result]], total: int, console: Console, doing: str
 ) -> tuple[dict[int, Result], bool]:
-    """Run the tasks with a progress bar; return results by task number, and whether Ctrl-C ended it."""
+    """Wait for all results with a progress bar; return them by task number, and whether Ctrl-C ended it."""
     done: dict[int, Result] = {}
     try:
         with progress_bar(console) as bar:
-            shown = bar.add_task(doing, total=len(tasks))
-            for number, result in in_parallel(work, tasks, jobs, _ADVICE):
+            shown = bar.add_task(doing, total=total)
+            for number, result in results:
                 done[number] = result
                 bar.advance(shown)
     except KeyboardInterrupt:
@@ -195,20 +218,23 @@ def _print_all(campaign: Campaign, flights: Sequence[Flown], console: Console) -
                 console.print(f"{label_of(flown.item.controller)}: {flown.link}", markup=False, highlight=False)
 
 
-def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console, jobs: int, out: Path) -> bool:
+def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console, run: _Run) -> bool:
     """Write figures and page; return whether Ctrl-C ended it."""
-    from companion.studies.paper.campaign_detail import look_closely  # noqa: PLC0415
+    from companion.studies.paper.campaign_detail import look_at_job  # noqa: PLC0415
     from companion.studies.paper.campaign_plots import draw_experiment  # noqa: PLC0415
     from companion.studies.paper.campaign_report import Chapter, Source, page  # noqa: PLC0415
     from companion.studies.paper.descriptions import facts_of  # noqa: PLC0415
     from companion.studies.paper.network_and_proof import closer  # noqa: PLC0415 - matplotlib takes a second to import
 
-    looked, interrupted = _each(look_closely, campaign.wholes, jobs, console, "recomputing the first seed in detail")
+    jobs = [job_of(item) for item in campaign.wholes]
+    looking = in_parallel(look_at_job, jobs, run.backend, _ADVICE)
+    looked, interrupted = _each(looking, len(jobs), console, "recomputing the first seed in detail")
     if interrupted:
         return True
     closely = [looked[number] for number in sorted(looked)]
     details = [[one for one in closely if one.item.experiment == name] for name in campaign.experiments]
-    drawn, interrupted = _each(partial(draw_experiment, folder=out), details, jobs, console, "drawing")
+    drawing = in_parallel(partial(draw_experiment, folder=run.out), details, Backend(run.jobs), _ADVICE)
+    drawn, interrupted = _each(drawing, len(details), console, "drawing")
     if interrupted:
         return True
     chapters = []
@@ -218,7 +244,7 @@ def _write_report(campaign: Campaign, flights: Sequence[Flown], console: Console
         wholes, variants = ([f for f in here if bool(f.item.variant) == changed] for changed in (False, True))
         chapters.append(Chapter(scene.title, facts_of(scene), wholes, variants, closer(mine), drawn[number]))
     sources = [Source(path, read_text(path)) for path in _files(campaign)]
-    file = out / "report.html"
+    file = run.out / "report.html"
     file.write_text(page(chapters, sources, campaign.command), encoding="utf-8")
     console.print(
         f"report [bold]{escape(str(file))}[/], figures beside it as PNG and PDF", soft_wrap=True, highlight=False

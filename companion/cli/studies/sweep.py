@@ -3,7 +3,6 @@
 import hashlib
 import json
 import math
-import os
 import re
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,10 +16,12 @@ from companion.cli import complete
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED
 from companion.cli.options import LawOn, Place, RadioLink, SummaryFile, check_link
 from companion.cli.output import check_output
+from companion.cli.studies.backend import Fresh, Jobs, OnCluster, backend_of
 from companion.cli.terminal import numbers_table, progress_bar
 from companion.config.controller_config import controller_path
 from companion.config.locations import project_root
 from companion.simulation.radio import radio_named, words_of
+from companion.simulation.workers import Backend
 from companion.studies.sweep.sweep import ERROR, Columns, Sweep
 from companion.studies.sweep.sweep_numbers import (
     Blame,
@@ -32,7 +33,7 @@ from companion.studies.sweep.sweep_numbers import (
     of_nominal,
     parameters,
 )
-from companion.studies.sweep.sweep_run import Parts, Swept, run, write_part
+from companion.studies.sweep.sweep_run import Parts, Swept, run, write_table
 
 
 def sweep(
@@ -46,24 +47,23 @@ def sweep(
     ] = "practical",
     law_on: LawOn = Place.BOARD,
     link: RadioLink = None,
-    jobs: Annotated[int | None, typer.Option(min=1, help="Number of processes.  [default: one per CPU]")] = None,
+    on: OnCluster = None,
+    jobs: Jobs = None,
     out: Annotated[Path, typer.Option(help="Write parts, table and picture into this folder.")] = Path("flights/sweep"),
     summary: SummaryFile = None,
-    fresh: Annotated[
-        bool, typer.Option("--fresh", help="Fly everything again instead of reusing finished parts.")
-    ] = False,
+    fresh: Fresh = False,
 ) -> None:
     """Fly vehicles that differ from the companion's model, in virtual time, and print what the errors depend on.
 
     Finished parts are kept: after Ctrl-C (exit code 130) the same command continues, and more --vehicles add to them.
     Exit code 1 if any vehicle diverged or was landed by PX4, 2 if the sweep could not be flown.
     """
-    console = Console()
+    console, backend = Console(), backend_of(on, jobs)
     check_output(out / "parts", summary)
     check_link(law_on, link)
     plan = Sweep(vehicles=vehicles, seed=seed, controller=controller, link=_link(law_on, link))
     try:
-        swept = _run(plan, out / "parts", jobs or len(os.sched_getaffinity(0)), fresh, console)
+        swept = _run(plan, out / "parts", backend, fresh, console)
     except KeyboardInterrupt:
         kept = Parts(plan, out / "parts").finished
         console.print(
@@ -91,10 +91,10 @@ def _landed(columns: Columns) -> int:
     return int(columns["landed"].sum()) if "landed" in columns else 0
 
 
-def _run(plan: Sweep, parts: Path, jobs: int, fresh: bool, console: Console) -> Swept:
+def _run(plan: Sweep, parts: Path, backend: Backend, fresh: bool, console: Console) -> Swept:
     with progress_bar(console) as bar:
         task = bar.add_task("vehicles", total=plan.vehicles)
-        return run(plan, parts, jobs, fresh, lambda flown: bar.update(task, completed=int(flown)))
+        return run(plan, parts, backend, fresh, lambda flown: bar.update(task, completed=int(flown)))
 
 
 def _report(console: Console, swept: Swept) -> None:
@@ -160,7 +160,7 @@ def _keep(console: Console, plan: Sweep, columns: Columns, out: Path) -> None:
     named = Path(plan.controller).name
     title = f"{plan.vehicles} vehicles that differ from the model of {named}, seed {plan.seed}{over}"
     with console.status("drawing"):
-        write_part(out / f"{name}.npz", columns)
+        write_table(out / f"{name}.npz", columns)
         plot_sweep(columns, title, [out / f"{name}{suffix}" for suffix in (".png", ".pdf")])
     shown = escape(str(out / name))
     console.print(f"picture [bold]{shown}.png[/] and .pdf, table {shown}.npz", soft_wrap=True)

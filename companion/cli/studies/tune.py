@@ -1,10 +1,8 @@
 """`companion tune`: search gains for few updates and small errors, and check them on flights outside of the search."""
 
 import json
-import os
 import shlex
 from collections.abc import Iterator, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -19,12 +17,13 @@ from companion.cli import complete
 from companion.cli.operator.exit_codes import FAILED, INTERRUPTED, names_of
 from companion.cli.options import SummaryFile
 from companion.cli.output import check_file, check_output
+from companion.cli.studies.backend import Fresh, Jobs, OnCluster, backend_of
 from companion.cli.terminal import numbers_table, progress_bar
 from companion.config.controller_config import PEERS, read_controller, read_etnn
 from companion.core.interfaces import ConfigError
 from companion.core.types import Array
 from companion.simulation.scene import Scene, load_scene
-from companion.simulation.workers import workers
+from companion.simulation.workers import Workers, workers
 from companion.studies.tuning.etnn_space import ETNN, EtnnSpace
 from companion.studies.tuning.gain_space import START, GainSpace, rounded, shares_of, values_from
 from companion.studies.tuning.peer_space import PeerSpace
@@ -45,6 +44,7 @@ from companion.studies.tuning.search import (
 from companion.studies.tuning.tuning import WORST_M, shortened
 from companion.trajectories.reference import Ellipse, FigureEight, LapTiming
 
+_ADVICE = "what is flown is kept, the same command goes on from there; try fewer --jobs"
 _CHECK_VEHICLES = (2, 6)
 _YARDSTICK = "practical"
 """Law that a search is compared with unless --start names another: the default of a flight."""
@@ -99,29 +99,34 @@ def tune(
     bandwidths: Annotated[
         str, typer.Option(help="Train on these attitude bandwidths, rad/s, comma-separated.")
     ] = "6.3,10,12",
-    jobs: Annotated[int, typer.Option(min=1, help="Number of processes.")] = os.cpu_count() or 1,
-    out: Annotated[Path, typer.Option(help="Write progress and picture into this folder.")] = Path("flights/tune"),
+    on: OnCluster = None,
+    jobs: Jobs = None,
+    out: Annotated[Path, typer.Option(help="Write parts, progress and picture into this folder.")] = Path(
+        "flights/tune"
+    ),
     summary: SummaryFile = None,
+    fresh: Fresh = False,
 ) -> None:
     """Search gains by CMA-ES with swinging arms, several attitude loops and vehicles that differ from their model.
 
     Every generation flies new seeds. The centres are then checked on seeds and curves that no search flew, and compared
-    with the law to beat (--start, else practical); --write keeps the best.
+    with the law to beat (--start, else practical); --write keeps the best. After Ctrl-C (exit code 130) the same
+    command continues.
     """
-    console = Console()
+    console, backend = Console(), backend_of(on, jobs)
     plan = _plan(generations, population, weights, seed, experiments, bandwidths)
     plan = replace(plan, step=step, space=_space(start, write))
     begin = START if start is None else _from_file(start)
     _check_outputs(out, summary, write)
     progress: list[tuple[Generation, Array]] = []
     try:
-        with workers(jobs, "give fewer --jobs") if jobs > 1 else ThreadPoolExecutor(1) as pool:
-            centres = _search(plan, begin, pool, progress, console, out)
+        with workers(backend, _ADVICE, out / "parts", fresh) as crew:
+            centres = _search(plan, begin, crew, progress, console, out)
             yardstick = Centre(shares_of(_from_file(start or _YARDSTICK), plan.space.knobs), 0.0, 0)
             with console.status("checking on seeds and curves that no search flew"):
-                *checked, known = _check([*centres, yardstick], plan, pool)
+                *checked, known = _check([*centres, yardstick], plan, crew)
     except KeyboardInterrupt:
-        kept = f"; their centres are in {out / 'generations.json'}" if progress else ""
+        kept = f"; their centres are in {out / 'generations.json'}, the same command goes on" if progress else ""
         console.print(f"interrupted after {len(progress)} generations{kept}", markup=False, highlight=False)
         raise typer.Exit(INTERRUPTED) from None
     best = best_of(checked, plan.space)
@@ -171,7 +176,7 @@ def _check_outputs(out: Path, summary: Path | None, write: Path | None) -> None:
 def _search(
     plan: Plan,
     begin: dict[str, float],
-    pool: Executor,
+    crew: Workers,
     progress: list[tuple[Generation, Array]],
     console: Console,
     out: Path,
@@ -183,7 +188,7 @@ def _search(
             _keep(out, progress, plan.space)
             bar(len(progress), generation)
 
-        return search(plan, shares_of(begin, plan.space.knobs), pool, note)
+        return search(plan, shares_of(begin, plan.space.knobs), crew, note)
 
 
 def _space(start: str | None, write: Path | None) -> GainSpace:
@@ -233,13 +238,13 @@ def _bar(console: Console, plan: Plan) -> Iterator[Any]:
         yield step
 
 
-def _check(centres: Sequence[Centre], plan: Plan, pool: Executor) -> list[Checked]:
+def _check(centres: Sequence[Centre], plan: Plan, crew: Workers) -> list[Checked]:
     """Fly the centres on curves and seeds that no search flew; return their checks."""
     knobs = plan.space.knobs
     values = [rounded(one.shares, knobs) for one in centres]
     points = np.array([shares_of(value, knobs) for value in values])
     scenes = [elsewhere(scene) for scene in plan.scenes]
-    marks = marks_of(trials_of(scenes, CHECK_SEED, _CHECK_VEHICLES, plan.space), points, pool)
+    marks = marks_of(trials_of(scenes, CHECK_SEED, _CHECK_VEHICLES, plan.space), points, crew)
     error, other, updates = (
         np.mean([getattr(mark, name) for mark in marks], axis=0).tolist()
         for name in ("error_m", "other_m", "update_share")

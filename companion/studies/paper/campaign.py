@@ -10,7 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.config.arms_config import Feedforward
-from companion.config.controller_config import ErrorLimits, LoadedController, load_controller
+from companion.config.controller_config import (
+    ControllerFiles,
+    ErrorLimits,
+    LoadedController,
+    load_controller,
+    read_controller,
+)
 from companion.control.law_check import in_flight
 from companion.core.types import Array
 from companion.simulation.link_numbers import LinkNumbers, link_numbers
@@ -54,6 +60,15 @@ class Item:
         if not self.corrected:
             return "horizon_uncorrected"
         return "" if self.feedforward is None else f"feedforward_{self.feedforward}"
+
+
+@dataclass(frozen=True)
+class Job:
+    """An item with all that flying it needs, for any computer."""
+
+    item: Item
+    scene: Scene
+    controller: ControllerFiles
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,18 +162,28 @@ def scene_of(item: Item) -> Scene:
     return scene if item.radio is None else scene.with_radio(item.radio)
 
 
-def controller_of(item: Item, scene: Scene) -> LoadedController:
+def job_of(item: Item) -> Job:
+    """Read what flying an item needs. Raises ConfigError for files that cannot be read."""
+    return Job(item, scene_of(item), read_controller(item.controller))
+
+
+def controller_of(job: Job) -> LoadedController:
     """An item's law for the vehicle of its scene. Raises ConfigError for what `load_controller` refuses."""
-    vehicle, period_s = scene.vehicle_model(), scene.period_s
+    item, vehicle, period_s = job.item, job.scene.vehicle_model(), job.scene.period_s
     if item.without is not None:
-        return load_ablated(item.controller, vehicle, period_s, item.without)
-    return load_controller(item.controller, vehicle, period_s, item.allow_unstable)
+        return load_ablated(job.controller, vehicle, period_s, item.without)
+    return load_controller(job.controller, vehicle, period_s, item.allow_unstable)
 
 
 def fly(item: Item) -> Flown:
     """All vehicles of an item, side by side."""
-    scene = scene_of(item)
-    controller = controller_of(item, scene)
+    return fly_job(job_of(item))
+
+
+def fly_job(job: Job) -> Flown:
+    """All vehicles of a job's item, side by side."""
+    item, scene = job.item, job.scene
+    controller = controller_of(job)
     mission = stacked([scene.mission(controller.law.preview_s)] * len(item.seeds))
     pilot = scene.pilot(controller, item.feedforward)
     with in_flight(controller.own_file):
@@ -214,9 +239,10 @@ def variants_of(item: Item) -> Iterator[Item]:
 
     Raises ConfigError for what is wrong with scene or controller.
     """
-    scene = scene_of(item)
-    controller_of(item, scene)
-    yield from (replace(item, without=part) for part in parts_of(item.controller))
+    job = job_of(item)
+    scene = job.scene
+    controller_of(job)
+    yield from (replace(item, without=part) for part in parts_of(job.controller))
     if scene.corrects:
         yield replace(item, corrected=False)
     arms = scene.companion.arms

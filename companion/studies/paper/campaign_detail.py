@@ -16,7 +16,7 @@ from companion.simulation.metrics import score
 from companion.simulation.scene import Scene
 from companion.simulation.simulation import Trace, simulate
 from companion.simulation.virtual_world import STEP_S, VirtualVehicle, VirtualWorld
-from companion.studies.paper.campaign import Item, controller_of, scene_of, tracking
+from companion.studies.paper.campaign import Item, Job, controller_of, job_of, tracking
 from companion.studies.theory.fixed_time import FixedTimeBound, fixed_time_bound
 from companion.studies.theory.lyapunov import Lyapunov, fit_ideal_output_weights, lyapunov_of, measured_bounds
 from mock_autopilot.physics.plant import PlantParams, friction_ned_n
@@ -63,8 +63,12 @@ class Detail:
 
 def look_closely(item: Item) -> Detail:
     """Fly an item's first seed alone and keep everything."""
-    scene = scene_of(item)
-    loaded = controller_of(item, scene)
+    return look_at_job(job_of(item))
+
+
+def look_at_job(job: Job) -> Detail:
+    """Fly the first seed of a job's item alone and keep everything."""
+    item, scene, loaded = job.item, job.scene, controller_of(job)
     law = loaded.law
     mission, vehicle, seed = scene.mission(law.preview_s), scene.vehicle(), item.seeds[0]
     with in_flight(loaded.own_file):

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 from companion.core.interfaces import CompanionError
 from companion.simulation.scene import HorizonError
-from companion.simulation.workers import in_parallel
+from companion.simulation.workers import Backend, in_parallel
 from companion.studies.paper.campaign import BASELINE, Flown, Item, fly
 from companion.studies.paper.campaign_table import reductions
 from companion.studies.paper.paper_table import PAPER
@@ -94,14 +94,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def in_order(rows: Sequence[Sequence[Item]], jobs: int) -> Iterator[list[Flown]]:
     """Yield each row's flights as soon as it and those before it are complete."""
     done: dict[int, Flown] = {}
-    results = in_parallel(fly, [item for items in rows for item in items], jobs, "give fewer --jobs or --seeds")
+    results = in_parallel(
+        fly, [item for items in rows for item in items], Backend(jobs), "give fewer --jobs or --seeds"
+    )
     first = 0
-    for items in rows:
-        numbers = range(first, first + len(items))
+    for of_row in rows:
+        numbers = range(first, first + len(of_row))
         while not all(number in done for number in numbers):
             done.update([next(results)])
         yield [done[number] for number in numbers]
-        first += len(items)
+        first += len(of_row)
 
 
 if __name__ == "__main__":

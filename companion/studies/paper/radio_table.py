@@ -22,9 +22,9 @@ from companion.simulation.radio import radio_named
 from companion.simulation.scene import Scene
 from companion.simulation.simulation import Trace, simulate
 from companion.simulation.virtual_record import one_of
-from companion.simulation.workers import in_parallel
+from companion.simulation.workers import Backend, in_parallel
 from companion.studies.paper.ablations import Ablation
-from companion.studies.paper.campaign import Item, controller_of, scene_of
+from companion.studies.paper.campaign import Item, controller_of, job_of, scene_of
 
 SEEDS = tuple(range(1, 21))
 EXPERIMENTS = ("ellipse", "figure8")
@@ -103,7 +103,7 @@ def fly(task: Task) -> list[Result]:
     """Fly a task; return its results in the order of the radios."""
     item = _item(task.trigger, task.experiment, task.seeds, task.radios[0] if task.radios else None)
     scene = scene_of(item)
-    trace = _flown(scene, controller_of(item, scene), task)
+    trace = _flown(scene, controller_of(job_of(item)), task)
     many, names = len(task.seeds), task.radios or ("",)
     parts = [one_of(trace, slice(row * many, (row + 1) * many)) for row in range(len(names))]
     return [
@@ -184,7 +184,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--picture", type=Path, help="file of the picture, PNG or PDF")
     asked = parser.parse_args(arguments)
     work = tasks(tuple(range(1, asked.seeds + 1)))
-    done = dict(in_parallel(fly, work, asked.jobs, "give fewer --jobs or --seeds"))
+    done = dict(in_parallel(fly, work, Backend(asked.jobs), "give fewer --jobs or --seeds"))
     results = [one for number in sorted(done) for one in done[number]]
     print(table(results), flush=True)
     if asked.page is not None:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import product
 
@@ -11,9 +10,10 @@ from cmaes import CMA
 
 from companion.core.types import Array
 from companion.simulation.scene import Scene
+from companion.simulation.workers import Workers
 from companion.studies.tuning.etnn_space import ETNN
 from companion.studies.tuning.gain_space import GainSpace
-from companion.studies.tuning.tuning import Marks, Trial, evaluate
+from companion.studies.tuning.tuning import Job, Marks, Trial, evaluate_job
 
 ERROR_M, UPDATES = 0.010, 0.05
 """Goals, and the scale of both objectives."""
@@ -77,7 +77,7 @@ class Generation:
     update_share: float
 
 
-def search(plan: Plan, start: Array, pool: Executor, told: Callable[[Generation, Array], None]) -> list[Centre]:
+def search(plan: Plan, start: Array, crew: Workers, told: Callable[[Generation, Array], None]) -> list[Centre]:
     """The centres that are worth a check: each run's after every tenth generation, and its last.
 
     Centres, not the best of what was tried: the best of many on three vehicles each is the luckiest. `told` gets every
@@ -85,12 +85,12 @@ def search(plan: Plan, start: Array, pool: Executor, told: Callable[[Generation,
     """
     kept: list[Centre] = []
     for run, weight in enumerate(plan.weights):
-        kept += _one_run(plan, start, weight, run, pool, told)
+        kept += _one_run(plan, start, weight, run, crew, told)
     return kept
 
 
 def _one_run(
-    plan: Plan, start: Array, weight: float, run: int, pool: Executor, told: Callable[[Generation, Array], None]
+    plan: Plan, start: Array, weight: float, run: int, crew: Workers, told: Callable[[Generation, Array], None]
 ) -> list[Centre]:
     bounds = np.tile([0.0, 1.0], (len(plan.space.knobs), 1))
     optimiser = CMA(
@@ -100,7 +100,7 @@ def _one_run(
     for number in range(1, plan.generations + 1):
         points = np.array([optimiser.ask() for _ in range(plan.population)])
         trials = trials_of(plan.turn(number), training_seed(plan, run, number), (plan.told, plan.others), plan.space)
-        marks = marks_of(trials, points, pool)
+        marks = marks_of(trials, points, crew)
         costs = cost(marks, weight) + plan.space.penalty(points)
         optimiser.tell([(point, float(value)) for point, value in zip(points, costs, strict=True)])
         centre = np.clip(optimiser.mean, 0.0, 1.0)
@@ -121,9 +121,9 @@ def trials_of(scenes: Sequence[Scene], seed: int, vehicles: tuple[int, int], spa
     return [Trial(scene, seed, tuple(range(told)), tuple(range(told, told + others)), space) for scene in scenes]
 
 
-def marks_of(trials: Sequence[Trial], points: Array, pool: Executor) -> list[Marks]:
+def marks_of(trials: Sequence[Trial], points: Array, crew: Workers) -> list[Marks]:
     """One entry a trial."""
-    return list(pool.map(evaluate, trials, [points] * len(trials)))
+    return crew.in_order(evaluate_job, [Job(trial, points) for trial in trials])
 
 
 def cost(marks: Sequence[Marks], weight: float) -> Array:

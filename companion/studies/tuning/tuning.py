@@ -46,6 +46,14 @@ class Trial:
 
 
 @dataclass(frozen=True)
+class Job:
+    """A trial of these points (P, knobs) of the gain space."""
+
+    trial: Trial
+    shares: Array
+
+
+@dataclass(frozen=True)
 class Marks:
     """Marks of each set of gains, (P,): means over the trial's vehicles. Errors are norms of the axis means."""
 
@@ -57,6 +65,11 @@ class Marks:
     """The largest of those."""
     update_share: Array
     """Update share of the vehicles as told: the share that a user sees."""
+
+
+def evaluate_job(job: Job) -> Marks:
+    """Fly a job's points, see `evaluate`."""
+    return evaluate(job.trial, job.shares)
 
 
 def evaluate(trial: Trial, shares: Array) -> Marks:
