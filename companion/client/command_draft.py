@@ -31,7 +31,7 @@ class CommandDraft:
 
     @property
     def stops(self) -> bool:
-        """Whether it makes safe."""
+        """True for a command that makes safe."""
         return stops(self.verb, self._fields)
 
     def payload(self, session: str, sent_s: float, reply_to: str) -> bytes:
