@@ -153,6 +153,27 @@ def test_above_a_parked_one_there_is_less_to_keep() -> None:
     assert CYLINDER.walls(STILL, STILL, STILL, [other((0.0, 0.0, -1.2))]).least_up_mps2 > 0.0
 
 
+@pytest.mark.parametrize(
+    ("unseen_s", "parked", "distance_m"),
+    [(0.2, False, 1.2), (2.8, False, 2.2), (5.3, False, 3.2), (60.0, False, 3.2), (60.0, True, 1.2)],
+)
+def test_from_one_that_is_not_seen_it_keeps_a_distance_that_grows_unless_it_stood(
+    unseen_s: float, parked: bool, distance_m: float
+) -> None:
+    def wall_at(place: Vec3) -> Walls:
+        return CYLINDER.walls(STILL, STILL, STILL, [replace(other(place, parked=parked), unseen_s=unseen_s)])
+
+    assert wall_at((distance_m + 0.02, 0.0, 0.0)).sideways[0].most_mps2 > 0.0
+    assert wall_at((distance_m - 0.02, 0.0, 0.0)).sideways[0].most_mps2 < 0.0
+
+
+def test_below_and_above_one_that_is_not_seen_it_goes_aside_as_it_comes_down_somewhere() -> None:
+    for height_m in (-2.5, 2.5):
+        hidden = replace(other((0.5, 0.0, height_m)), unseen_s=2.0)
+        (wall,) = CYLINDER.walls(STILL, STILL, STILL, [hidden]).sideways
+        assert (wall.x, wall.most_mps2 < 0.0) == (1.0, True)
+
+
 @pytest.mark.parametrize("unknown", [other(NAN), other((1.0, 0.0, 0.0), NAN), other((math.inf, 0.0, 0.0))])
 def test_one_that_was_never_seen_makes_no_wall(unknown: OtherVehicle) -> None:
     assert CYLINDER.walls(STILL, STILL, STILL, [unknown]) == NO_WALLS
