@@ -108,7 +108,7 @@ def test_a_word_that_is_no_command_leads_to_the_right_ones(word: str, remedies: 
         ("companion help tak", {"takeoff"}),
         ("companion arms live p", {"play"}),
         ("companion track e", {"ellipse"}),
-        ("companion controller p", {"pid", "practical", "paper", "paper-repaired"}),
+        ("companion controller p", {"pid", "practical", "precise", "paper", "paper-repaired"}),
         ("companion demo --controller pi", {"pid"}),
         ("companion demo --arms s", {"swing"}),
         ("companion arms play re", {"reach"}),

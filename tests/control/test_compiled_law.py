@@ -33,7 +33,7 @@ def inputs(rng: np.random.Generator) -> ControlInput:
     )
 
 
-@pytest.mark.parametrize("name", ["practical", "paper-repaired"])
+@pytest.mark.parametrize("name", ["practical", "precise", "paper-repaired"])
 @given(seed=st.integers(0, 2**32 - 1), spread=st.sampled_from((0.01, 0.3, 3.0)), printed=st.booleans())
 @settings(max_examples=20, deadline=None)
 def test_every_number_of_a_cycle_is_the_same(name: str, seed: int, spread: float, printed: bool) -> None:

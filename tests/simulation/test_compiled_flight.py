@@ -57,7 +57,7 @@ def test_what_was_compiled_from_another_source_does_not_fly(tmp_path: Path, chan
 
 
 @compiled
-@pytest.mark.parametrize("name", ["practical", "paper-repaired"])
+@pytest.mark.parametrize("name", ["practical", "precise", "paper-repaired"])
 def test_a_flight_is_the_same_to_the_last_bit(name: str) -> None:
     flown = rough()
     law = law_for(flown, name)
