@@ -16,7 +16,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from companion.control.controller import ControlInput, VehicleModel
-from companion.control.disturbance_observer import DisturbanceEstimate, nothing_observed, observe
+from companion.control.disturbance_observer import DisturbanceEstimate, Poles, nothing_observed, observe
 from companion.control.lag_models import exponential, first_order, second_order
 from companion.core.types import Array, Scalar
 from companion.core.values import value
@@ -92,8 +92,8 @@ class Predictor:
         accel = stack(thrust * x, thrust * y, thrust * z - self.vehicle.gravity_mps2)
         drives[..., -2] = accel
         drives[..., -1] = _jerk(thrust, now.q_w_flu_wxyz, now.rate_flu_radps)
-        poles = self.observer_radps, self.observer_trend
-        observed = observe(memory.observed, now.velocity_w_mps, accel, now.age_s, now.dt_s, *poles)
+        poles = Poles(self.observer_radps, self.observer_trend)
+        observed = observe(memory.observed, now.velocity_w_mps, accel, now.age_s, now.dt_s, poles)
         return self._propagate(now, drives, observed), PredictorMemory(drives, stack(thrust), observed)
 
     def _oldest(self, drives: Array) -> Array:

@@ -16,6 +16,14 @@ _LONGEST_S = 0.05
 
 
 @value
+class Poles:
+    """Poles of the observer: two at -radps, and a third at -trend radps; 0 takes the disturbance as constant."""
+
+    radps: Scalar
+    trend: Scalar = 0.0
+
+
+@value
 class DisturbanceEstimate:
     """Observed velocity (m/s), disturbance (m/s^2) and its rate (m/s^3), (..., 3) in W; the rotors' acceleration and
     the age at the last step."""
@@ -39,20 +47,17 @@ def observe(
     accel_w_mps2: Array,
     age_s: Scalar,
     dt_s: float,
-    poles_radps: Scalar,
-    trend: Scalar = 0.0,
+    poles: Poles,
 ) -> DisturbanceEstimate:
     """Advance by `dt_s` with a state as old as `age_s`; `accel_w_mps2` is the acceleration of the rotors at that time.
 
     Without a new frame the state is older by `dt_s` than before, and the estimate does not change.
     """
     elapsed_s = maximum(dt_s + before.age_s - age_s, 0.0)
-    turn = poles_radps * minimum(elapsed_s, _LONGEST_S)
-    share, gain, rate_gain = (
-        minimum((2.0 + trend) * turn, 1.0),
-        (1.0 + 2.0 * trend) * poles_radps * turn,
-        trend * poles_radps * poles_radps * turn,
-    )
+    radps, trend = poles.radps, poles.trend
+    turn = radps * minimum(elapsed_s, _LONGEST_S)
+    share = minimum((2.0 + trend) * turn, 1.0)
+    gain, rate_gain = (1.0 + 2.0 * trend) * radps * turn, trend * radps * radps * turn
 
     def corrected(
         measured: Scalar, velocity: Scalar, disturbance: Scalar, rate: Scalar, accel_before: Scalar, accel: Scalar
@@ -62,7 +67,6 @@ def observe(
         now = disturbance + elapsed_s * rate + gain * innovation
         return expected + share * innovation, now, rate + rate_gain * innovation
 
-    velocity, disturbance, rate = all_by_axis(
-        corrected, velocity_w_mps, before.velocity, before.disturbance, before.rate, before.accel, accel_w_mps2
-    )
+    vectors = before.velocity, before.disturbance, before.rate, before.accel, accel_w_mps2
+    velocity, disturbance, rate = all_by_axis(corrected, velocity_w_mps, *vectors)
     return DisturbanceEstimate(velocity, disturbance, rate, accel_w_mps2, age_s)

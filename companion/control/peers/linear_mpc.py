@@ -21,7 +21,7 @@ import numpy as np
 from pydantic import Field
 
 from companion.control.controller import ControlInput, ControlOutput, VehicleModel
-from companion.control.disturbance_observer import DisturbanceEstimate, nothing_observed, observe
+from companion.control.disturbance_observer import DisturbanceEstimate, Poles, nothing_observed, observe
 from companion.control.gains import Diagonal, Positive
 from companion.control.lag_models import exponential, first_order, second_order
 from companion.control.peers.outer_loop import LoopMemory, PeerGains, PeerLaw, diagonal
@@ -78,7 +78,7 @@ class LinearMpc(PeerLaw):
     def step(self, memory: MpcMemory, now: ControlInput) -> tuple[MpcMemory, ControlOutput]:
         """Return the memory and the command of one cycle."""
         sight, loop = self.look(memory.loop, now)
-        poles = self.gains.observer_radps
+        poles = Poles(self.gains.observer_radps)
         observed = observe(memory.observed, now.velocity_w_mps, sight.acting_w_mps2, now.age_s, now.dt_s, poles)
         errors = self._coasting(loop, observed.disturbance, now)
         feedforward = now.reference.acceleration_w_mps2 - observed.disturbance
