@@ -98,7 +98,12 @@ class _Beside:
 
     def __init__(self, prefix: Sequence[str], command: list[str]) -> None:
         self._output = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115 - closed by end()
-        self._process = subprocess.Popen([*prefix, *command], stdout=self._output, stderr=self._output)
+        last = prefix == _LOWEST_PRIORITY
+        self._process = subprocess.Popen(
+            [*prefix, *command], stdout=self._output, stderr=self._output, start_new_session=last
+        )
+        if last:
+            _give_way(self._process.pid)
 
     def wait(self) -> int:
         """Return its exit code."""
@@ -112,6 +117,16 @@ class _Beside:
             self._output.seek(0)
             sys.stdout.write(self._output.read())
             sys.stdout.flush()
+
+
+def _give_way(session: int) -> None:
+    """Give a whole session the lowest priority: where Linux groups processes by session, nice counts within one only.
+
+    Mocks and services of the flights are sessions of their own, and would wait for the others' turn like any.
+    """
+    group = Path(f"/proc/{session}/autogroup")
+    if group.exists():
+        group.write_text("19", encoding="ascii")
 
 
 def _under_coverage(folder: Path) -> list[str]:
