@@ -31,4 +31,5 @@ async def test_fifty_pages_go_on_hearing_states_and_the_flight_goes_on() -> None
     assert cost.frames > 150
     if not cost.realtime:
         pytest.skip("the service may not take its real-time priority here: it shares the cores with all else")
-    assert cost.dropped <= 0.01 * cost.frames, "a computer that other tests keep busy loses one without pages, too"
+    lost_anyway = max(cost.dropped_alone, 0.01 * cost.frames)
+    assert cost.dropped <= lost_anyway, "a computer that other tests keep busy loses some without pages, too"
