@@ -50,7 +50,8 @@ def build() -> str:
     except (OSError, subprocess.TimeoutExpired) as error:
         return f"no compiled law, as there is no C compiler ({error}): Python flies, with the same numbers, slower"
     if done.returncode:
-        return f"no compiled law: cc failed: {done.stderr.strip().splitlines()[0]}"
+        why = next(iter(done.stderr.strip().splitlines()), f"exit code {done.returncode}")
+        return f"no compiled law, as cc failed ({why}): Python flies, with the same numbers, slower"
     return f"the law is compiled: {LIBRARY.name}"
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.compiled.library import LIBRARY, library
+from companion.compiled.library import LIBRARY, build, library
 from companion.config.controller_config import LoadedController
 from companion.control.etnn import Etnn
 from companion.simulation import compiled_flight
@@ -43,6 +43,21 @@ def columns(trace: Trace) -> dict[str, Any]:
 
 def test_the_c_source_is_what_the_python_says() -> None:
     assert SOURCE.read_text(encoding="utf-8") == source()
+
+
+@pytest.mark.parametrize(
+    ("script", "why"), [("echo no headers >&2; exit 1", "no headers"), ("exit 3", "exit code 3"), ("", "no C compiler")]
+)
+def test_a_compiler_that_fails_or_is_missing_is_one_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, why: str
+) -> None:
+    if script:
+        (tmp_path / "cc").write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+        (tmp_path / "cc").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    said = build()
+    assert why in said
+    assert said.endswith("Python flies, with the same numbers, slower")
 
 
 @compiled
