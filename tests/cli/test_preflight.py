@@ -22,6 +22,7 @@ from companion.core.errors import ConfigError
 from companion.preflight.checks.check import Check
 from companion.preflight.checks.hand_test import HandTest, Move, check_hand_test
 from companion.preflight.hand_test_file import hand_test_path, read_hand_test, require_writable, write_hand_test
+from companion.records.read import read_flight
 from mock_autopilot.physics.truth import Truth
 from mock_autopilot.px4.params import ParamTable
 from mock_autopilot.servos.packets import Instruction, Packet
@@ -230,7 +231,7 @@ async def test_a_dry_run_reads_everything_and_sends_nothing(tmp_path: Path) -> N
             assert ran.code == any(check["must"] and not check["passed"] for check in checks.values()), ran.said
             for name in ("body seen", "disarmed", "roll agrees", "pitch agrees", "battery", "arms stowed", "law"):
                 assert checks[name]["passed"], checks[name]
-            record = np.load(next((tmp_path / "out").glob("*-dry-run.npz")))
+            record = read_flight(next((tmp_path / "out").glob("*-dry-run.npz"))).columns
             assert np.isfinite(record["setpoint_thrust"]).sum() > 50, "the law was asked all the time"
             assert np.isnan(record["sent_s"]).all()
 

@@ -11,6 +11,7 @@ from matplotlib.image import imread
 
 from companion.analysis.summary import summarise
 from companion.cli.studies import simulate
+from companion.records.read import read_flight
 from tests.cli.typed import Type, typing
 from tests.control.first_law import FAILING_LINE, failing_law
 from tests.flights.command import ROOT
@@ -66,8 +67,8 @@ def test_a_flight_is_reported_drawn_and_recorded(typed: Type, tmp_path: Path) ->
     assert re.search(r"^ ?mean +\d+\.\d\d +\d+\.\d\d", ran.out, re.MULTILINE)
     assert "times faster than real time" in ran.out
     assert "inside the error limits" in ran.out
-    data, record = read(tmp_path / "numbers" / "s.json"), np.load(tmp_path / "out" / "virtual-short-etnn-seed1.npz")
-    columns = {name: record[name] for name in record.files}
+    data = read(tmp_path / "numbers" / "s.json")
+    columns = read_flight(tmp_path / "out" / "virtual-short-etnn-seed1.npz").columns
     summed_up = summarise(columns)
     assert summed_up is not None
     assert data["mean_error_m"] == pytest.approx(summed_up.mean_error_m)

@@ -53,6 +53,11 @@ def _equal(one: Columns, other: Columns) -> bool:
     return all(one[name].tobytes() == other[name].tobytes() for name in one)
 
 
+def _table(path: Path) -> Columns:
+    with np.load(path) as arrays:
+        return dict(arrays)
+
+
 def _typed(name: str, *arguments: object) -> Result:
     return CliRunner().invoke(app, [name, *map(str, arguments)], env={"COLUMNS": "160"})
 
@@ -77,8 +82,7 @@ def test_a_sweeps_summary_is_the_same_to_the_last_bit(
     here, there = summaries
     assert there["taken_over"] == 0
     assert here | {"seconds": 0} == there | {"seconds": 0}
-    tables = [dict(np.load(tmp_path / name / "practical-seed1.npz")) for name in ("--jobs", "--on")]
-    assert _equal(*tables)
+    assert _equal(*(_table(tmp_path / name / "practical-seed1.npz") for name in ("--jobs", "--on")))
 
 
 def test_experiments_and_a_search_are_the_same_to_the_last_bit(scheduler: str, tmp_path: Path) -> None:
