@@ -29,7 +29,7 @@ $(VENV)/.installed: requirements-dev.lock pyproject.toml
 	@touch $@
 
 # The law's compiled twin; without a C compiler everything works, slower.
-$(VENV)/.compiled: $(VENV)/.installed companion/compiled/flight.c companion/compiled/traced.c companion/compiled/library.py
+$(VENV)/.compiled: $(VENV)/.installed $(wildcard companion/compiled/*.[ch]) companion/compiled/library.py
 	@$(BIN)/python -m companion.compiled.library
 	@touch $@
 

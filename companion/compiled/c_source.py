@@ -1,4 +1,8 @@
-"""C functions from traced ones: straight-line code, every operation once, in the order in which it was written."""
+"""C functions from traced ones: straight-line code, every operation once, in the order in which it was written.
+
+What a `real` is, a `truth`, a branch and a choice, is said where the code is included: of one vehicle (flight.c), or of
+several side by side (batch.c).
+"""
 
 import math
 import re
@@ -70,7 +74,7 @@ def traced(
 
 
 def _c_function(name: str, takes: list[str], returns: list[str], body: "_Body") -> str:
-    vectors = [f"const double *{argument}" for argument in takes] + [f"double *{result}" for result in returns]
+    vectors = [f"const real *{argument}" for argument in takes] + [f"real *{result}" for result in returns]
     return "\n".join([f"static void {name}({', '.join(vectors)})", "{", *body.lines(), "}", "", ""])
 
 
@@ -230,7 +234,7 @@ class _Body:
         for node in inputs:
             self._declare(node)
         self._block(())
-        return self._statements + [f"    {place} = {self._operand(number)};" for place, number in self._stores]
+        return self._statements + [f"    {place} = {self._number(number)};" for place, number in self._stores]
 
     def _block(self, path: Path) -> None:
         for node in self._by_path.get(path, []):
@@ -264,47 +268,55 @@ class _Body:
                 if isinstance(part, Traced) and self._blocks.paths[part] == path:
                     self._write(part, path)
         indent = "    " * (len(path) + 1)
+        truth = self._truth(group[0].operands[0])
         for node in members:
             self._local[node] = f"t{len(self._local)}"
-        self._statements.append(f"{indent}double {', '.join(self._local[node] for node in members)};")
-        for index, (side, begin) in enumerate(
-            zip(sides, (f"if ({self._truth(group[0].operands[0])}) {{", "} else {"), strict=True)
-        ):
+        self._statements.append(f"{indent}real {', '.join(f'{self._local[node]} = NUMBER(0.0)' for node in members)};")
+        for index, (side, begin) in enumerate(zip(sides, (f"IF ({truth}) {{", f"}} ELSE ({truth}) {{"), strict=True)):
             self._statements.append(indent + begin)
             self._block(side)
-            self._statements += [
-                f"{indent}    {self._local[node]} = {self._operand(node.operands[index + 1])};" for node in members
-            ]
+            for node in members:
+                name, number = self._local[node], self._number(node.operands[index + 1])
+                chosen = number if side[-1][1] else f"OTHER({truth}, {name}, {number})"
+                self._statements.append(f"{indent}    {name} = {chosen};")
         self._statements.append(f"{indent}}}")
 
     def _declare(self, node: Traced) -> None:
-        kind = "int" if node.operation in _TRUTHS else "double"
+        kind = "truth" if node.operation in _TRUTHS else "real"
         if node in self._known:
             self._local.setdefault(node, self._known[node])
         elif node.operation != "input" and node not in self._local:
-            name = f"{'c' if kind == 'int' else 't'}{len(self._local)}"
+            name = f"{'c' if kind == 'truth' else 't'}{len(self._local)}"
             indent = "    " * (len(self._blocks.paths[node]) + 1)
             self._statements.append(f"{indent}const {kind} {name} = {self._expression(node)};")
             self._local[node] = name
         elif node not in self._local:
             self._local[node] = f"t{len(self._local)}"
-            self._statements.append(f"    const double {self._local[node]} = {node.name};")
+            self._statements.append(f"    const real {self._local[node]} = {node.name};")
 
     def _operand(self, number: object) -> str:
-        return self._local[number] if isinstance(number, Traced) else _literal(float(number))  # type: ignore[arg-type]
+        """Return an operand of + - x / or of a comparison, one of whose operands may be a plain literal."""
+        return self._number(number) if isinstance(number, Traced) else _literal(float(number))  # type: ignore[arg-type]
+
+    def _number(self, number: object) -> str:
+        if not isinstance(number, Traced):
+            return f"NUMBER({_literal(float(number))})"  # type: ignore[arg-type]
+        return f"COUNT({self._local[number]})" if number.operation in _TRUTHS else self._local[number]
 
     def _truth(self, operand: object) -> str:
-        text = self._operand(operand)
-        return text if isinstance(operand, Traced) and operand.operation in _TRUTHS else f"({text} != 0.0)"
+        if isinstance(operand, Traced) and operand.operation in _TRUTHS:
+            return self._local[operand]
+        return f"({self._number(operand)} != 0.0)"
 
     def _expression(self, node: Traced) -> str:
-        operation, parts = node.operation, [self._operand(part) for part in node.operands]
+        operation = node.operation
         if operation in _INFIX | _COMPARED:
-            return f"{parts[0]} {operation} {parts[1]}"
+            return f" {operation} ".join(map(self._operand, node.operands))
         if operation in _LOGICAL:
             return f" {operation} ".join(map(self._truth, node.operands))
+        parts = [self._number(part) for part in node.operands]
         if operation == "where":
-            return f"{self._truth(node.operands[0])} ? {parts[1]} : {parts[2]}"
+            return f"CHOICE({self._truth(node.operands[0])}, {parts[1]}, {parts[2]})"
         if operation == "neg":
             return f"-{parts[0]}"
         return f"{_FUNCTIONS.get(operation, operation)}({', '.join(parts)})"

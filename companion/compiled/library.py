@@ -3,6 +3,7 @@
 import ctypes
 import hashlib
 import logging
+import platform
 import subprocess
 import sys
 import sysconfig
@@ -10,11 +11,14 @@ from functools import cache
 from pathlib import Path
 
 _FOLDER = Path(__file__).parent
-SOURCE = _FOLDER / "flight.c"
+SOURCE, BATCH = _FOLDER / "flight.c", _FOLDER / "batch.c"
 _SUFFIX = sysconfig.get_config_var("EXT_SUFFIX") or ".so"
 LIBRARY = _FOLDER / f"_flight{_SUFFIX}"
 FLAGS = ("-O2", "-ffp-contract=off", "-fno-builtin-pow", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 """Nothing that changes a number: no contraction, no fast maths; and pow(x, 2) stays the call that Python makes."""
+
+WIDTHS = {8: ("-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma", "-Wno-psabi"), 4: ("-mavx2", "-mfma", "-Wno-psabi")}
+"""Vehicles side by side, and the instructions that it takes; `lanes` of flight.c says which this computer has."""
 
 log = logging.getLogger(__name__)
 
@@ -30,29 +34,65 @@ def library() -> ctypes.CDLL | None:
     except OSError as error:
         log.warning("the compiled law cannot be loaded (%s): Python flies, with the same numbers, slower", error)
         return None
-    code.sources.restype = ctypes.c_char_p
-    if code.sources() != _digest().encode():
+    if _is_old(code):
         log.warning("the compiled law is older than its source: Python flies; run python -m companion.compiled.library")
         return None
     return code
 
 
+@cache
+def side_by_side() -> ctypes.CDLL | None:
+    """Return the code for several vehicles at once; None where one after another has to do, with the same numbers."""
+    code = library()
+    if code is None:
+        return None
+    for width in (width for width in WIDTHS if width <= code.lanes()):
+        try:
+            batch = ctypes.CDLL(str(batch_path(width)))
+        except OSError:
+            continue
+        if not _is_old(batch):
+            return batch
+    return None
+
+
+def batch_path(width: int) -> Path:
+    """Return where the code for so many vehicles side by side is."""
+    return _FOLDER / f"_flight{width}{_SUFFIX}"
+
+
+def _is_old(code: ctypes.CDLL) -> bool:
+    code.sources.restype = ctypes.c_char_p
+    return bool(code.sources() != _digest().encode())
+
+
 def _digest() -> str:
     """Return what tells one version of the source from another."""
-    return hashlib.sha256(b"".join((_FOLDER / name).read_bytes() for name in ("flight.c", "traced.c"))).hexdigest()
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(_FOLDER.glob("*.[ch]")))).hexdigest()
 
 
 def build() -> str:
     """Compile the source with the system's C compiler; return a sentence that says what became of it."""
-    command = ["cc", *FLAGS, f'-DSOURCES="{_digest()}"', "-o", str(LIBRARY), str(SOURCE), "-lm"]
+    trouble = _compile(SOURCE, LIBRARY)
+    if trouble:
+        return f"no compiled law, as {trouble}: Python flies, with the same numbers, slower"
+    widths = WIDTHS if platform.machine() == "x86_64" else {}
+    failed = {width: _compile(BATCH, batch_path(width), f"-DWIDTH={width}", *widths[width]) for width in widths}
+    built = [str(width) for width, why in failed.items() if not why]
+    wide = f", and for {' or '.join(built)} vehicles side by side" if built else ""
+    return f"the law is compiled{wide}: {LIBRARY.name}"
+
+
+def _compile(source: Path, to: Path, *flags: str) -> str:
+    """Compile one file; return what went wrong, or nothing."""
+    command = ["cc", *FLAGS, *flags, f'-DSOURCES="{_digest()}"', "-o", str(to), str(source), "-lm"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)  # noqa: S603
     except (OSError, subprocess.TimeoutExpired) as error:
-        return f"no compiled law, as there is no C compiler ({error}): Python flies, with the same numbers, slower"
+        return f"there is no C compiler ({error})"
     if done.returncode:
-        why = next(iter(done.stderr.strip().splitlines()), f"exit code {done.returncode}")
-        return f"no compiled law, as cc failed ({why}): Python flies, with the same numbers, slower"
-    return f"the law is compiled: {LIBRARY.name}"
+        return f"cc failed ({next(iter(done.stderr.strip().splitlines()), f'exit code {done.returncode}')})"
+    return ""
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.compiled.leaves import flat
-from companion.compiled.library import library
+from companion.compiled.library import library, side_by_side
 from companion.control.compiled_law import lookahead_of
 from companion.control.controller import Controller
 from companion.control.etnn import Etnn
@@ -61,13 +61,16 @@ def fly(
         return None
     flights = _Flights(loaded, pilot, law, vehicle=vehicle, mission=mission, seeds=seeds)
     rows = np.empty((len(seeds), len(mission.time_s), ROW))
-    for index in range(len(seeds)):
-        flown = loaded.fly_vehicle(ctypes.byref(flights.prepared(index, rows[index], strict=not lead)))
-        if flown < rows.shape[1]:
-            return None
-    if progress is not None:
-        for cycle in range(rows.shape[1]):
-            progress(cycle)
+    count, cycles = rows.shape[:2]
+    if not lead and flights.fly_one(rows[0]) < cycles:
+        return None
+    for begin in range(0, count, flights.width):
+        end = min(begin + flights.width, count)
+        if lead:
+            flights.fly_together(range(begin, end), rows)
+        if progress is not None:
+            for cycle in range(cycles * begin // count, cycles * end // count):
+                progress(cycle)
     return rows
 
 
@@ -118,10 +121,17 @@ class _Flights:
             columns = (table.moment, table.momentum, table.force, table.torque)
             self._arms = np.ascontiguousarray(np.concatenate([column[: self._steps] for column in columns], axis=-1))
         self._yaw_rad = np.broadcast_to(mission.now.yaw_rad[0], self._lead or (1,))
+        self._loaded, self._batch = loaded, side_by_side()
         self._generators(seeds, loaded)
         self._signal = hover_signal(vehicle.plant, self._lead)
-        self._looks = np.empty((self._cycles, 6))
-        self._gusts = np.empty((-(-self._steps // BLOCK) * BLOCK, 3))
+        self.width = 1 if self._batch is None or not self._lead else int(self._batch.width())
+        """Vehicles that fly side by side."""
+        self._looks = np.empty((self.width, self._cycles, 6))
+        self._gusts = np.empty((self.width, -(-self._steps // BLOCK) * BLOCK, 3))
+        hover = pilot.thrust.hover_thrust
+        first = [idle_setpoint(float(yaw_rad), hover) for yaw_rad in self._yaw_rad]
+        self._first = np.array([(*each.q_w_flu_wxyz.tolist(), float(each.thrust)) for each in first])
+        self._unseen = None if vehicle.unseen is None else np.array(vehicle.unseen.T, np.uint8, order="C", ndmin=2)
 
     def _generators(self, seeds: Sequence[int], loaded: ctypes.CDLL) -> None:
         """Every vehicle's own random numbers, as VirtualWorld draws them."""
@@ -158,23 +168,31 @@ class _Flights:
         example = carrier_of(PlantParams(), np.zeros(3), np.zeros(3), ())
         return self._flat(carrier, example), np.concatenate(columns, axis=-1).reshape(-1, 27)
 
-    def prepared(self, index: int, rows: Array, *, strict: bool) -> Flight:
-        """Return the flight of one vehicle, whose noise is drawn now."""
+    def fly_one(self, rows: Array) -> int:
+        """Fly the only vehicle; return the number of cycles until a frame was not simply accepted."""
+        return int(self._loaded.fly_vehicle(ctypes.byref(self._prepared(0, 0, rows, strict=True))))
+
+    def fly_together(self, indices: range, rows: Array) -> None:
+        """Fly up to `width` vehicles of the batch."""
+        prepared = [self._prepared(index, slot, rows[index], strict=False) for slot, index in enumerate(indices)]
+        if self._batch is None:
+            self._loaded.fly_vehicle(ctypes.byref(prepared[0]))
+        else:
+            self._batch.fly_vehicles((Flight * len(prepared))(*prepared), ctypes.c_int64(len(prepared)))
+
+    def _prepared(self, index: int, slot: int, rows: Array, *, strict: bool) -> Flight:
+        """Return the flight of one vehicle, whose noise is drawn now into the buffers of a slot."""
         v, pilot = self._vehicle, self._pilot
         eye, force = self._rngs[index]
-        eye.standard_normal(out=self._looks)
-        for block in self._gusts.reshape(-1, BLOCK, 3):
+        eye.standard_normal(out=self._looks[slot])
+        for block in self._gusts[slot].reshape(-1, BLOCK, 3):
             force.standard_normal(out=block)
         keep, fresh = noise_of(v.forces, STEP_S)
-        first = idle_setpoint(float(self._yaw_rad[index]), pilot.thrust.hover_thrust)
-        self._first = np.array((*first.q_w_flu_wxyz.tolist(), float(first.thrust)))
-        unseen = None if v.unseen is None else np.ascontiguousarray(v.unseen[..., index] if self._lead else v.unseen)
-        self._unseen = None if unseen is None else unseen.astype(np.uint8)
 
         def one(each: Any) -> Any:
             return np.broadcast_to(np.asarray(each), self._lead or (1,))[index].item()
 
-        def row(table: Array) -> int:
+        def row(table: NDArray[Any]) -> int:
             return int(table[index if len(table) > 1 else 0].ctypes.data)
 
         def address(array: NDArray[Any] | None) -> int | None:
@@ -199,18 +217,18 @@ class _Flights:
             noise_fresh=tuple(fresh.tolist()),
             look_noise=(one(v.noise_m), one(v.noise_rad)),
             first_q=row(self._first_q),
-            first_setpoint=address(self._first),
+            first_setpoint=row(self._first),
             airframe=row(self._airframe),
             params=row(self._params),
             law=row(self._law),
             network=address(self._network),
             rules=row(self._rules),
             carrier=row(self._carrier),
-            looks=address(self._looks),
-            gusts=address(self._gusts),
+            looks=address(self._looks[slot]),
+            gusts=address(self._gusts[slot]),
             block=BLOCK,
             steady=address(self._steady),
-            unseen=address(self._unseen),
+            unseen=None if self._unseen is None else row(self._unseen),
             errors=None if self._errors is None else row(self._errors),
             arms=address(self._arms),
             ahead=row(self._ahead),

@@ -1,5 +1,6 @@
 """The compiled loop flies as the Python does, to the last bit, and leaves to it what it cannot."""
 
+import ctypes
 import runpy
 import shutil
 from dataclasses import replace
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.compiled.library import LIBRARY, build, library
+from companion.compiled.library import LIBRARY, WIDTHS, batch_path, build, library
 from companion.config.controller_config import LoadedController
 from companion.control.etnn import Etnn
 from companion.simulation import compiled_flight
@@ -61,7 +62,7 @@ def test_a_compiler_that_fails_or_is_missing_is_one_sentence(
 
 
 @compiled
-@pytest.mark.parametrize("changed", [None, "flight.c", "traced.c"])
+@pytest.mark.parametrize("changed", [None, "flight.c", "flight.h", "batch.c", "traced.c"])
 def test_what_was_compiled_from_another_source_does_not_fly(tmp_path: Path, changed: str | None) -> None:
     folder = shutil.copytree(LIBRARY.parent, tmp_path / "compiled")
     if changed is not None:
@@ -118,6 +119,29 @@ def test_vehicles_of_a_batch_fly_as_each_would_alone() -> None:
         alone = simulate_in_python(flown.pilot(law), flown.vehicle(), mission, [seed])
         np.testing.assert_array_equal(fast.position_w_m[:, index], alone.position_w_m)
         np.testing.assert_array_equal(fast.sent[:, index], alone.sent)
+
+
+@compiled
+@pytest.mark.parametrize("width", WIDTHS)
+def test_vehicles_side_by_side_fly_as_one_after_another_to_the_last_bit(
+    width: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Drawn vehicles, each with delays, lost frames and noise of its own, and more of them than stand side by side."""
+    code = library()
+    if code is None or code.lanes() < width or not batch_path(width).is_file():
+        pytest.skip(f"this computer has no instructions for {width} side by side")
+    flown = rough()
+    law, drawn = law_for(flown), draw(7, range(width + 2))
+    mission = stacked([flown.mission(law.law.preview_s)] * (width + 2))
+    world = vehicles(flown, drawn, len(mission.time_s))
+    np.asarray(world.plant.mass_kg)[1] = 9.0  # so heavy that it falls to the floor
+    traces = []
+    for batch in (ctypes.CDLL(str(batch_path(width))), None):
+        monkeypatch.setattr(compiled_flight, "side_by_side", lambda batch=batch: batch)
+        traces.append(simulate(flown.pilot(law), world, mission, drawn.flight_seed.tolist()))
+    together, one_by_one = traces
+    for column, value in columns(together).items():
+        np.testing.assert_array_equal(value, getattr(one_by_one, column), err_msg=column)
 
 
 @compiled
