@@ -4,9 +4,7 @@
 
 #include "flight.h"
 
-#ifdef __AVX2__
 #include <immintrin.h>
-#endif
 
 typedef double real __attribute__((vector_size(8 * WIDTH)));
 typedef int64_t truth __attribute__((vector_size(8 * WIDTH)));
@@ -14,32 +12,28 @@ typedef int64_t truth __attribute__((vector_size(8 * WIDTH)));
 enum { LANES = WIDTH };
 
 static inline real spread(double x) { return x - (real){0.0}; }
-static inline real choice(truth c, real a, real b) { return (real)((c & (truth)a) | (~c & (truth)b)); }
+
+#if defined __AVX512DQ__ && WIDTH == 8
+static inline real choice(truth c, real a, real b)
+{
+    return (real)_mm512_mask_blend_pd(_mm512_movepi64_mask((__m512i)c), (__m512d)b, (__m512d)a);
+}
+static inline int any(truth c) { return _mm512_movepi64_mask((__m512i)c) != 0; }
+static inline real each_sqrt(real x) { return (real)_mm512_sqrt_pd((__m512d)x); }
+static inline real gather(truth addresses) { return (real)_mm512_i64gather_pd((__m512i)addresses, NULL, 1); }
+#elif defined __AVX2__ && WIDTH == 4
+static inline real choice(truth c, real a, real b)
+{
+    return (real)_mm256_blendv_pd((__m256d)b, (__m256d)a, (__m256d)c);
+}
+static inline int any(truth c) { return _mm256_movemask_pd((__m256d)c) != 0; }
+static inline real each_sqrt(real x) { return (real)_mm256_sqrt_pd((__m256d)x); }
+static inline real gather(truth addresses) { return (real)_mm256_i64gather_pd(NULL, (__m256i)addresses, 1); }
+#else
+#error "WIDTH is 8 with AVX-512, 4 with AVX2"
+#endif
 
 static inline real each_fabs(real x) { return (real)((truth)x & INT64_MAX); }
-
-/* What stands at these addresses. */
-static inline real gather(truth addresses)
-{
-#if defined __AVX512F__ && WIDTH == 8
-    return (real)_mm512_i64gather_pd((__m512i)addresses, NULL, 1);
-#elif defined __AVX2__ && WIDTH == 4
-    return (real)_mm256_i64gather_pd(NULL, (__m256i)addresses, 1);
-#else
-    real found;
-    for (int lane = 0; lane < LANES; lane++)
-        found[lane] = *(const double *)(intptr_t)addresses[lane];
-    return found;
-#endif
-}
-
-static inline int any(truth c)
-{
-    int64_t found = 0;
-    for (int lane = 0; lane < LANES; lane++)
-        found |= c[lane];
-    return found != 0;
-}
 
 #define NUMBER(x) spread(x)
 #define COUNT(condition) choice(condition, spread(1.0), spread(0.0))
@@ -50,19 +44,6 @@ static inline int any(truth c)
 
 static inline real larger(real a, real b) { return choice((a >= b) | (a != a), a, b); }
 static inline real smaller(real a, real b) { return choice((a <= b) | (a != a), a, b); }
-
-#if defined __AVX512F__ && WIDTH == 8
-static inline real each_sqrt(real x) { return (real)_mm512_sqrt_pd((__m512d)x); }
-#elif defined __AVX2__ && WIDTH == 4
-static inline real each_sqrt(real x) { return (real)_mm256_sqrt_pd((__m256d)x); }
-#else
-static inline real each_sqrt(real x)
-{
-    for (int lane = 0; lane < LANES; lane++)
-        x[lane] = sqrt(x[lane]);
-    return x;
-}
-#endif
 
 #define EACH(name, takes, call)                                                                                              \
     static inline real each_##name takes                                                                                     \
@@ -351,7 +332,7 @@ void fly_vehicles(const struct flight *flights, int64_t count)
         control(&m, &b, cycle, first, row);
         for (int lane = 0; lane < count; lane++)
             for (int i = 0; i < ROW; i++)
-                flights[lane].rows[ROW * cycle + i] = row[i][lane];
+                flights[lane].rows[flights->cycles * i + cycle] = row[i][lane];
         for (int64_t s = first; s < first + flights->steps_per_cycle; s++)
             drive(&m, &b, s);
     }

@@ -185,7 +185,7 @@ int64_t fly_vehicle(const struct flight *f)
     remember_pose(&m, f, 0);
     for (int64_t cycle = 0; cycle < f->cycles; cycle++) {
         const int64_t first = cycle * f->steps_per_cycle;
-        double *row = f->rows + ROW * cycle;
+        double row[ROW];
         if (!see(&m, f, cycle, first))
             return cycle;
         for (int axis = 0; axis < 3; axis++) {
@@ -193,6 +193,8 @@ int64_t fly_vehicle(const struct flight *f)
             row[3 + axis] = axis ? -m.airframe[3 + axis] : m.airframe[3];
         }
         control(&m, f, cycle, first, row);
+        for (int i = 0; i < ROW; i++)
+            f->rows[f->cycles * i + cycle] = row[i];
         for (int64_t s = first; s < first + f->steps_per_cycle; s++)
             drive(&m, f, s);
     }

@@ -24,7 +24,7 @@ struct flight {
     const double *arms;     /* (steps, 12) or none */
     const double *ahead;    /* (cycles, 10) references */
     const double *known;    /* (cycles, 3) or none */
-    double *rows;           /* (cycles, ROW) position, velocity, command in W; event, sent */
+    double *rows;           /* (ROW, cycles) position, velocity, command in W; event, sent */
 };
 
 /* The length of a quaternion as Python's math.hypot works it out: scaled, summed with the bits that were lost, and

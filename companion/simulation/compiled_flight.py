@@ -50,7 +50,7 @@ class Flight(ctypes.Structure):
 def fly(
     pilot: Any, vehicle: VirtualVehicle, mission: Mission, seeds: Sequence[int], progress: Callable[[int], None] | None
 ) -> Array | None:
-    """Return what each vehicle did in each cycle, (vehicles, cycles, ROW); None where Python has to fly.
+    """Return what each vehicle did in each cycle, (vehicles, ROW, cycles); None where Python has to fly.
 
     A row is true position (m) and velocity (m/s), the command (m/s^2), and 1 at an event and where a setpoint was sent.
     A single vehicle is left to Python when a frame would not simply be accepted.
@@ -60,8 +60,8 @@ def fly(
     if loaded is None or law is None or not _fits(vehicle):
         return None
     flights = _Flights(loaded, pilot, law, vehicle=vehicle, mission=mission, seeds=seeds)
-    rows = np.empty((len(seeds), len(mission.time_s), ROW))
-    count, cycles = rows.shape[:2]
+    rows = np.empty((len(seeds), ROW, len(mission.time_s)))
+    count, _, cycles = rows.shape
     if not lead and flights.fly_one(rows[0]) < cycles:
         return None
     for begin in range(0, count, flights.width):

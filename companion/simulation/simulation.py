@@ -99,7 +99,7 @@ def simulate(
 
 def _trace_of(rows: Array, mission: Mission) -> Trace:
     """Return the result of compiled flights; see `compiled_flight.fly` for the rows."""
-    columns, now = np.moveaxis(rows, 0, 1) if mission.lead else rows[0], mission.now
+    columns, now = rows.transpose(2, 0, 1) if mission.lead else rows[0].T, mission.now
     return Trace(
         time_s=mission.time_s,
         position_w_m=columns[..., 0:3],
