@@ -201,6 +201,31 @@ int64_t fly_vehicle(const struct flight *f)
     return f->cycles;
 }
 
+/* Drive eight servos to goals (m, 8), the servos' own angles, each due at its step. They begin `settle` steps before step 0 at
+   rest at the first goal. Gives their angles at step 0 and after each of `count` steps, (count + 1, 8). */
+void drive_servos(const double *servos, const double *assembly, const double *goals, const int64_t *due, int64_t m,
+                  int64_t settle, int64_t count, double dt_s, double *angles)
+{
+    double now[weigh_angle_rad_size][turn_before_size], angle[weigh_angle_rad_size], load_nm[weigh_load_nm_size];
+    const double *goal = goals;
+    int64_t next = 0;
+    for (int i = 0; i < weigh_angle_rad_size; i++)
+        now[i][0] = angle[i] = goals[i], now[i][1] = 0.0;
+    for (int64_t step = -settle; step < count; step++) {
+        if (step == 0)
+            memcpy(angles, angle, sizeof angle);
+        for (; next < m && due[next] <= step; next++)
+            goal = goals + weigh_angle_rad_size * next;
+        weigh(angle, assembly, load_nm);
+        for (int i = 0; i < weigh_angle_rad_size; i++) {
+            turn(now[i], goal + i, load_nm + i, servos + turn_servo_size * i, &dt_s, now[i]);
+            angle[i] = now[i][0];
+        }
+        if (step >= 0)
+            memcpy(angles + weigh_angle_rad_size * (step + 1), angle, sizeof angle);
+    }
+}
+
 /* The two halves of the law's cycle, for a flight: control/compiled_law.py. */
 void law_decide(double *memory, const double *now, const double *gains, const double *lookahead, double *output)
 {

@@ -29,6 +29,7 @@ from companion.core.interfaces import ConfigError
 from companion.core.types import Array
 from companion.estimation.estimator import EstimatorParams
 from companion.guard.guard import AgeRange
+from companion.simulation.compiled_arms import driven
 from companion.simulation.mission import Mission, mission_of
 from companion.simulation.simulation import Pilot
 from companion.simulation.virtual_ground import GroundRole
@@ -240,7 +241,7 @@ class Scene:
         if self.arms is None:
             return None
         goals_rad = self.arms.trajectory.at(self._cycle_s).position_rad
-        table = table_of(self.mock.arms, goals_rad, self.period_s, STEP_S)
+        table = table_of(self.mock.arms, goals_rad, self.period_s, STEP_S, driven)
         return Carried(table, self.mock.arms.inertia_kgm2, ParamTable(self.mock.px4.params).trim_times_s)
 
 

@@ -36,11 +36,12 @@ from companion.guard.limits import Limits
 from companion.simulation.virtual_world import STEP_S
 from mock_autopilot.physics import plant_one, quaternion_one
 from mock_autopilot.physics.arm_bodies import Moving
-from mock_autopilot.physics.arms import Coupling
+from mock_autopilot.physics.arms import Assembly, Coupling
 from mock_autopilot.physics.plant import PlantParams, at_rest
 from mock_autopilot.physics.plant_one import Fixed, OneActuation, OneState
 from mock_autopilot.physics.quaternion_one import Four, Three
 from mock_autopilot.px4.attitude_error import turn_of
+from mock_autopilot.servos.motor import XM430_W350, Motor
 
 Numbers = tuple[float, ...]
 SOURCE = Path(companion.compiled.__file__).with_name("traced.c")
@@ -319,6 +320,58 @@ def report(q_ned_frd_wxyz: Four, turn: Four) -> dict[str, object]:
     return {"believed": (w, x, -y, -z)}
 
 
+@value(kw_only=True)
+class Servo:
+    """Settings of a powered servo whose profile is unlimited: it is at the goal at once."""
+
+    stall_nm: float
+    no_load_radps: float
+    inertia_kgm2: float
+    friction_nm: float
+    gain_per_rad: float
+    margin_rad: float
+    pwm_limit: float
+    current_limit_nm: float
+
+
+def servo_of(motor: Motor) -> Servo:
+    """Return the settings of a motor."""
+    return Servo(
+        stall_nm=motor._stall_nm,
+        no_load_radps=motor._no_load_radps,
+        inertia_kgm2=motor.spec.inertia_kgm2,
+        friction_nm=motor.spec.friction_nm,
+        gain_per_rad=motor.gain_per_rad,
+        margin_rad=motor.margin_rad,
+        pwm_limit=motor.pwm_limit,
+        current_limit_nm=motor.current_limit_nm,
+    )
+
+
+def turn(before: Numbers, goal_rad: float, load_nm: float, servo: Servo, dt_s: float) -> dict[str, object]:
+    """Turn a servo for a step: its angle and rate."""
+    spec = replace(XM430_W350, inertia_kgm2=servo.inertia_kgm2, friction_nm=servo.friction_nm)
+    motor = Motor(spec, 0.0)
+    motor._stall_nm, motor._no_load_radps = servo.stall_nm, servo.no_load_radps
+    motor.gain_per_rad, motor.margin_rad = servo.gain_per_rad, servo.margin_rad
+    motor.pwm_limit, motor.current_limit_nm = servo.pwm_limit, servo.current_limit_nm
+    motor.power(on=True)
+    motor.go_to(goal_rad)
+    motor.angle_rad, motor.rate_radps = before
+    motor.step(dt_s, load_nm)
+    return {"after": (motor.angle_rad, motor.rate_radps)}
+
+
+def weigh(angle_rad: Numbers, assembly: Assembly) -> dict[str, object]:
+    """Return the links' weight as torque on each servo."""
+    return {"load_nm": assembly.loads_nm(angle_rad)}
+
+
+def assembly_numbers(assembly: Assembly) -> Assembly:
+    """Return the same with directions that are numbers, which a trace takes as inputs."""
+    return replace(assembly, direction=tuple(map(float, assembly.direction)))  # type: ignore[arg-type]
+
+
 def functions() -> list[CFunction]:
     """Trace everything that is compiled."""
     zero, level, three, four = np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0)), (0.0,) * 3, (0.0,) * 4
@@ -377,6 +430,10 @@ def functions() -> list[CFunction]:
         traced("horizon_turn", horizon_turn, error_rad=four, share=(0.0,)),
         traced("look", look, pose=(0.0,) * 7, noise=np.zeros(6), size=(0.0, 0.0)),
         traced("report", report, q_ned_frd_wxyz=four, turn=four),
+        traced(
+            "turn", turn, before=(0.0, 0.0), goal_rad=0.0, load_nm=0.0, servo=servo_of(Motor(XM430_W350, 0.0)), dt_s=0.0
+        ),
+        traced("weigh", weigh, angle_rad=(0.0,) * 8, assembly=assembly_numbers(Assembly())),
     ]
 
 

@@ -2,8 +2,8 @@
 
 Hanging straight down at zero; positive pitch lifts a link forward, positive roll swings a forearm outward. Stepped with
 the physics at 500 Hz, hence written out in floats instead of numpy on small vectors, and kept in tuples, which are made
-in a third of a dataclass's time. Where a float is asked for, an array of them does as well (but in gravity_load_nm):
-then it is many instants, or many vehicles, at once.
+in a third of a dataclass's time. Where a float is asked for, an array of them does as well: then it is many instants,
+or many vehicles, at once.
 """
 
 import math
@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from mock_autopilot.physics.components import maths
 from mock_autopilot.physics.plant import GRAVITY_MPS2
 from mock_autopilot.physics.quaternion import Array
 
@@ -87,9 +88,10 @@ def gravity_load_nm(bodies: ArmBodies, angle: Three) -> Three:
     """Return the torque (N m) of the links' weight on each joint of an arm, positive in the joint's own sense."""
     (l1, l2, _), (m1, m2, m3), (c1, c2, c3) = bodies.link_length_m, bodies.link_mass_kg, bodies.link_com_m
     a, s, r = angle[0], angle[0] + angle[1], angle[2]
-    below = (m2 * c2 + m3 * l2) * math.sin(s) + m3 * c3 * math.sin(s) * math.cos(r)
-    all_of_it = (m1 * c1 + (m2 + m3) * l1) * math.sin(a) + below
-    roll = m3 * c3 * math.cos(s) * math.sin(r)
+    with_sin, with_cos = maths(s).sin(s), maths(s).cos(s)
+    below = (m2 * c2 + m3 * l2) * with_sin + m3 * c3 * with_sin * maths(r).cos(r)
+    all_of_it = (m1 * c1 + (m2 + m3) * l1) * maths(a).sin(a) + below
+    roll = m3 * c3 * with_cos * maths(r).sin(r)
     return -GRAVITY_MPS2 * all_of_it, -GRAVITY_MPS2 * below, -GRAVITY_MPS2 * roll
 
 

@@ -10,6 +10,8 @@ out.
 import math
 from dataclasses import dataclass
 
+from mock_autopilot.physics.components import where
+
 RATED_V = 12.0
 
 
@@ -161,9 +163,8 @@ class Motor:
             torque, friction, self.pwm_share = 0.0, spec.limp_friction_nm, 0.0
             load_nm -= spec.limp_damping_nms * rate
         per_nm = dt_s / spec.inertia_kgm2
-        free, held = rate + per_nm * (torque + load_nm), per_nm * friction
         # Friction can stop the horn within the step, but not turn it round: it sticks.
-        after = free - held if free > held else free + held if free < -held else 0.0
+        after = _beyond(rate + per_nm * (torque + load_nm), per_nm * friction)
         self.torque_nm = torque
         self.heat_nm2s += torque * torque * dt_s
         self.accel_radps2 = (after - rate) / dt_s
@@ -171,15 +172,9 @@ class Motor:
         self.angle_rad += after * dt_s
 
     def _drive(self, rate: float) -> float:
-        distance = self._profile_rad - self.angle_rad
-        margin = self.margin_rad
-        if margin:
-            distance = distance - margin if distance > margin else distance + margin if distance < -margin else 0.0
-        share, limit = distance * self.gain_per_rad, self.pwm_limit
-        share = limit if share > limit else -limit if share < -limit else share
-        self.pwm_share = share
-        torque, limit = self._stall_nm * (share - rate / self._no_load_radps), self.current_limit_nm
-        return limit if torque > limit else -limit if torque < -limit else torque
+        distance = _beyond(self._profile_rad - self.angle_rad, self.margin_rad)
+        self.pwm_share = share = _within(distance * self.gain_per_rad, self.pwm_limit)
+        return _within(self._stall_nm * (share - rate / self._no_load_radps), self.current_limit_nm)
 
     def _advance_profile(self, dt_s: float) -> None:
         """Advance the trapezoidal profile: at the speed limit, or slower where it has to stop at the goal."""
@@ -200,3 +195,12 @@ class Motor:
         self._profile_rad += wanted * dt_s
         if abs(self._goal_rad - self._profile_rad) < 1e-12:
             self._profile_rad = self._goal_rad
+
+
+def _within(number: float, limit: float) -> float:
+    return where(number > limit, limit, where(number < -limit, -limit, number))  # type: ignore[no-any-return]
+
+
+def _beyond(number: float, margin: float) -> float:
+    """Return by how much a number leaves the margin around zero."""
+    return where(number > margin, number - margin, where(number < -margin, number + margin, 0.0))  # type: ignore[no-any-return]
