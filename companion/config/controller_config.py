@@ -120,7 +120,7 @@ class MpcFile(PeerFile):
     gains: MpcGains = Field(default_factory=MpcGains)
 
 
-PEERS: dict[str, tuple[type[PeerFile], Callable[[Any, VehicleModel, float], PeerLaw]]] = {
+PEERS: dict[str, tuple[type[PeerFile], Callable[[Any, VehicleModel, float], PeerLaw[Any]]]] = {
     "geometric-pid": (GeometricPidFile, GeometricPid),
     "indi": (IndiFile, Indi),
     "l1": (L1File, L1Adaptive),
@@ -243,7 +243,7 @@ def read_peer(given: str | ControllerFiles) -> PeerFile:
     return validate(PEERS[data["law"]][0], data, path)
 
 
-def peer_law(file: PeerFile, vehicle: VehicleModel, period_s: float) -> PeerLaw:
+def peer_law(file: PeerFile, vehicle: VehicleModel, period_s: float) -> PeerLaw[Any]:
     """Return the law of a file."""
     return PEERS[file.law][1](file.gains, vehicle, period_s)
 

@@ -1,15 +1,16 @@
 """Interface of a control law: its inputs, its output, and the methods that the flight loop calls."""
 
 from dataclasses import dataclass, field
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 
 from companion.core.paper_vehicle import ATTITUDE_BANDWIDTH_RADPS, GRAVITY_MPS2, MASS_KG
 from companion.core.types import Array, Reference, Scalar
 
-Memory = Any
-"""Memory of a law from one cycle to the next: any value, which only the law that returned it reads."""
+Memory = TypeVar("Memory")
+Decided = TypeVar("Decided")
+"""Memory of a law from one cycle to the next, and between the halves of a cycle: values that the law alone reads."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +69,7 @@ class ControlOutput:
         return reference.yaw_rad if self.yaw_rad is None else self.yaw_rad
 
 
-class Controller(Protocol):
+class Law(Protocol[Memory]):
     """Control law: a pure step from memory to memory. To fly your own, name it in a TOML file (docs/own-law.md)."""
 
     @property
@@ -82,8 +83,12 @@ class Controller(Protocol):
         """Run one control cycle; return the next memory and the output."""
 
 
+Controller = Law[Any]
+"""Control law whose memory only the law itself reads."""
+
+
 @runtime_checkable
-class SeededLaw(Protocol):
+class SeededLaw(Law[Memory], Protocol[Memory]):
     """Law that can take control in the air with a known disturbance, so that it need not estimate the wind again."""
 
     def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> Memory:
@@ -94,14 +99,14 @@ class SeededLaw(Protocol):
 
 
 @runtime_checkable
-class TwoHalves(Protocol):
+class TwoHalves(Law[Memory], Protocol[Memory, Decided]):
     """Law whose cycle has two halves, so that the setpoint is sent before the internal states are updated.
 
     `step` must be `decide` followed by `settle`.
     """
 
-    def decide(self, memory: Memory, now: ControlInput) -> tuple[Memory, ControlOutput]:
+    def decide(self, memory: Memory, now: ControlInput) -> tuple[Decided, ControlOutput]:
         """Return the input of `settle`, and the output to be sent."""
 
-    def settle(self, decided: Memory) -> tuple[Memory, dict[str, Array]]:
+    def settle(self, decided: Decided) -> tuple[Memory, dict[str, Array]]:
         """Return the memory for the next cycle, and further internal values for the record."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from companion.core.types import Array, Scalar
 from companion.core.values import value
-from companion.geometry.array_math import all_by_axis, maximum, minimum
+from companion.geometry.array_math import maximum, minimum
 
 _LONGEST_S = 0.05
 """Longest gap in the frames that the correction counts: after a longer one it would overshoot."""
@@ -58,15 +58,8 @@ def observe(
     turn = radps * minimum(elapsed_s, _LONGEST_S)
     share = minimum((2.0 + trend) * turn, 1.0)
     gain, rate_gain = (1.0 + 2.0 * trend) * radps * turn, trend * radps * radps * turn
-
-    def corrected(
-        measured: Scalar, velocity: Scalar, disturbance: Scalar, rate: Scalar, accel_before: Scalar, accel: Scalar
-    ) -> tuple[Scalar, Scalar, Scalar]:
-        expected = velocity + elapsed_s * (0.5 * (accel_before + accel) + disturbance)
-        innovation = measured - expected
-        now = disturbance + elapsed_s * rate + gain * innovation
-        return expected + share * innovation, now, rate + rate_gain * innovation
-
-    vectors = before.velocity, before.disturbance, before.rate, before.accel, accel_w_mps2
-    velocity, disturbance, rate = all_by_axis(corrected, velocity_w_mps, *vectors)
-    return DisturbanceEstimate(velocity, disturbance, rate, accel_w_mps2, age_s)
+    expected = before.velocity + elapsed_s * (0.5 * (before.accel + accel_w_mps2) + before.disturbance)
+    innovation = velocity_w_mps - expected
+    disturbance = before.disturbance + elapsed_s * before.rate + gain * innovation
+    rate = before.rate + rate_gain * innovation
+    return DisturbanceEstimate(expected + share * innovation, disturbance, rate, accel_w_mps2, age_s)

@@ -29,7 +29,8 @@ Diagonal = Annotated[Array, PlainValidator(_diagonal), PlainSerializer(_plain)]
 """The diagonal of a gain matrix: a list of numbers in TOML, an array in the law."""
 
 
-def _diag(*values: float, note: str) -> Array:
+def diagonal(*values: float, note: str) -> Array:
+    """Return a field for one gain an axis with these defaults."""
     field: Array = Field(default_factory=lambda: _diagonal(values), description=note)  # a plain default is writable
     return field
 
@@ -45,15 +46,15 @@ class Gains(BaseModel):
 class EtnnGains(Gains):
     """Gains of the ET-NN law. Defaults are the paper's experiment (section 5.1); departures from it are named so."""
 
-    c1: Diagonal = _diag(1.0, 1.0, 1.2, note="compensation, cubic, iota_1 (eq. iota-dyn)")
-    k1: Diagonal = _diag(1.0, 1.0, 1.2, note="compensation, Theta, iota_1 (eq. iota-dyn)")
-    beta1: Diagonal = _diag(1.0, 1.0, 1.2, note="cubic feedback of y_1 (eq. alpha1)")
-    gamma1: Diagonal = _diag(1.0, 1.0, 1.2, note="Theta feedback of y_1 (eq. alpha1)")
-    c2: Diagonal = _diag(1.0, 1.0, 1.2, note="compensation, cubic, iota_2 (eq. iota-dyn)")
-    k2: Diagonal = _diag(0.8, 0.8, 1.2, note="compensation, fractional, iota_2 (eq. iota-dyn)")
-    beta2: Diagonal = _diag(0.6, 0.6, 0.7, note="cubic feedback of y_2 (alpha_2)")
-    gamma2: Diagonal = _diag(1.0, 1.0, 1.2, note="fractional feedback of y_2 (alpha_2)")
-    k: Diagonal = _diag(3.0, 3.0, 4.0, note="compensation, linear, iota_1 (eq. iota-dyn), 1/s")
+    c1: Diagonal = diagonal(1.0, 1.0, 1.2, note="compensation, cubic, iota_1 (eq. iota-dyn)")
+    k1: Diagonal = diagonal(1.0, 1.0, 1.2, note="compensation, Theta, iota_1 (eq. iota-dyn)")
+    beta1: Diagonal = diagonal(1.0, 1.0, 1.2, note="cubic feedback of y_1 (eq. alpha1)")
+    gamma1: Diagonal = diagonal(1.0, 1.0, 1.2, note="Theta feedback of y_1 (eq. alpha1)")
+    c2: Diagonal = diagonal(1.0, 1.0, 1.2, note="compensation, cubic, iota_2 (eq. iota-dyn)")
+    k2: Diagonal = diagonal(0.8, 0.8, 1.2, note="compensation, fractional, iota_2 (eq. iota-dyn)")
+    beta2: Diagonal = diagonal(0.6, 0.6, 0.7, note="cubic feedback of y_2 (alpha_2)")
+    gamma2: Diagonal = diagonal(1.0, 1.0, 1.2, note="fractional feedback of y_2 (alpha_2)")
+    k: Diagonal = diagonal(3.0, 3.0, 4.0, note="compensation, linear, iota_1 (eq. iota-dyn), 1/s")
     p: float = Field(0.75, gt=0.5, lt=1.0, description="exponent of the fractional powers")
     epsilon: Positive = Field(1e-4, description="square of s below which Theta fades out")
     filter_eps: Positive = Field(0.3, description="time constant varepsilon of the command filter, s")
@@ -64,8 +65,8 @@ class EtnnGains(Gains):
     kappa_initial: NotNegative = Field(0.0, description="start of kappa, m/s^2; the paper asks for >= 0")
     inputs: int = Field(3, ge=3, le=3, description="number N_0 of the network's inputs: the reference velocity")
     hidden: int = Field(4, ge=1, le=64, description="number N_1 of hidden neurons")
-    gamma_v0: Diagonal = _diag(100.0, 100.0, 100.0, 100.0, note="learning gains Gamma_0, N_0 + 1 of them")
-    gamma_v1: Diagonal = _diag(100.0, 100.0, 100.0, 100.0, 100.0, note="learning gains Gamma_1, N_1 + 1 of them")
+    gamma_v0: Diagonal = diagonal(100.0, 100.0, 100.0, 100.0, note="learning gains Gamma_0, N_0 + 1 of them")
+    gamma_v1: Diagonal = diagonal(100.0, 100.0, 100.0, 100.0, 100.0, note="learning gains Gamma_1, N_1 + 1 of them")
 
     v0_max: Positive = Field(10.0, description="radius of the ball of V_0 (Frobenius); the paper gives none")
     v1_max: Positive = Field(10.0, description="radius of the ball of V_1 (Frobenius), m/s^2; the paper gives none")
@@ -131,9 +132,9 @@ _OF_A_MASS = {"kp": "kp_per_s2", "ki": "ki_per_s3", "kd": "kd_per_s", "integral_
 class PidGains(Gains):
     """Gains of the paper's baseline PID, per kilogram: the printed ones divided by the 4.85 kg of its vehicle."""
 
-    kp_per_s2: Diagonal = _diag(1.6495, 1.6495, 2.0619, note="acceleration per position error, 1/s^2")
-    ki_per_s3: Diagonal = _diag(0.30928, 0.30928, 1.6495, note="acceleration per integrated position error, 1/s^3")
-    kd_per_s: Diagonal = _diag(2.0619, 2.0619, 2.6804, note="acceleration per velocity error, 1/s")
+    kp_per_s2: Diagonal = diagonal(1.6495, 1.6495, 2.0619, note="acceleration per position error, 1/s^2")
+    ki_per_s3: Diagonal = diagonal(0.30928, 0.30928, 1.6495, note="acceleration per integrated position error, 1/s^3")
+    kd_per_s: Diagonal = diagonal(2.0619, 2.0619, 2.6804, note="acceleration per velocity error, 1/s")
     integral_max_mps2: Positive = Field(3.0928, description="limit of the integral's acceleration per axis, m/s^2")
 
     @model_validator(mode="before")

@@ -13,7 +13,16 @@ from typing import TypeVar, cast
 
 import numpy as np
 
-from companion.control.controller import ControlInput, Controller, ControlOutput, Memory, SeededLaw, TwoHalves
+from companion.control.controller import (
+    ControlInput,
+    Controller,
+    ControlOutput,
+    Decided,
+    Law,
+    Memory,
+    SeededLaw,
+    TwoHalves,
+)
 from companion.core.interfaces import ConfigError
 from companion.core.types import Array, Reference
 
@@ -126,7 +135,7 @@ def _read_only(values: Array) -> Array:
     return array
 
 
-def _run_cycles(law: Controller, file: LawFile, rows: int | slice, period_s: float) -> list[ControlOutput]:
+def _run_cycles(law: Law[Memory], file: LawFile, rows: int | slice, period_s: float) -> list[ControlOutput]:
     """Return the outputs of a few cycles, each run twice from the same memory, which must not differ."""
     inputs = [_test_input(rows, cycle, period_s) for cycle in range(_CYCLES)]
     shape = inputs[0].position_w_m.shape
@@ -154,7 +163,7 @@ def _run_cycles(law: Controller, file: LawFile, rows: int | slice, period_s: flo
 
 
 def _run_step(
-    law: Controller, file: LawFile, memory: Memory, now: ControlInput, of: str
+    law: Law[Memory], file: LawFile, memory: Memory, now: ControlInput, of: str
 ) -> tuple[Memory, ControlOutput]:
     answer: object = file.call(f".step{of}", law.step, memory, now)
     if not (isinstance(answer, tuple) and len(answer) == 2 and isinstance(answer[1], ControlOutput)):
@@ -184,7 +193,9 @@ def _check_array(name: str, value: object, shape: tuple[int, ...], file: LawFile
         raise file.wrong(f".step{of} gave {name} = {value.tolist()}: must be finite numbers")
 
 
-def _check_halves(law: TwoHalves, file: LawFile, memory: Memory, now: ControlInput, whole: ControlOutput) -> None:
+def _check_halves(
+    law: TwoHalves[Memory, Decided], file: LawFile, memory: Memory, now: ControlInput, whole: ControlOutput
+) -> None:
     decided, output = file.call(".decide", law.decide, memory, now)
     settled: object = file.call(".settle", law.settle, decided)
     if not (isinstance(settled, tuple) and len(settled) == 2 and isinstance(settled[1], dict)):

@@ -13,7 +13,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from companion.control.controller import ControlInput, Controller, VehicleModel
+from companion.control.controller import ControlInput, Controller, Law, Memory, VehicleModel
 from companion.control.lag_models import exponential, first_order, second_order
 from companion.core.types import Array, Reference
 from companion.geometry.attitude import ThrustModel, setpoint_of_accel
@@ -158,7 +158,7 @@ def _between(values: Array, at: Array) -> Array:
     return np.interp(at, np.arange(len(values)), values)
 
 
-def _fly(law: Controller, vehicle: VehicleModel, period_s: float, go_on: Callable[[], bool]) -> list[_Response]:
+def _fly(law: Law[Memory], vehicle: VehicleModel, period_s: float, go_on: Callable[[], bool]) -> list[_Response]:
     """Fly all axes and kicks as one batch: x, y and z after the first kick, then after the next."""
     axes, kicks_mps = np.tile(np.arange(3), len(KICKS_MPS)), np.repeat(KICKS_MPS, 3)
     rows, plant = np.arange(len(axes)), _Plant(vehicle, period_s, len(axes))

@@ -36,10 +36,10 @@ def with_bias(state: NetworkState, f_hat: Array, gains: EtnnGains) -> NetworkSta
     return NetworkState(state.v0, v1)
 
 
-def hidden_layer(state: NetworkState, velocity_ref: Array) -> tuple[Array, Array]:
+def hidden_layer(state: NetworkState, v_d: Array) -> tuple[Array, Array]:
     """Return the input x_d = [p_d'; 1], (..., N_0+1), and activations phi = [sigmoid(V_0'x_d); 1], (..., N_1+1)."""
-    x_d = _with_one(velocity_ref)
-    return x_d, _with_one(by_axis(_sigmoid, times(_transposed(state.v0), x_d)))
+    x_d = _with_one(v_d)
+    return x_d, _with_one(by_axis(_sigmoid, times(state.v0.mT, x_d)))
 
 
 def _sigmoid(inner: Scalar) -> Scalar:
@@ -47,36 +47,24 @@ def _sigmoid(inner: Scalar) -> Scalar:
     return 0.5 + 0.5 * math_module(inner).tanh(0.5 * inner)
 
 
-def _transposed(matrix: Array) -> Array:
-    return np.swapaxes(matrix, -1, -2)
-
-
-def _outer(a: Array, b: Array) -> Array:
-    """Return a b' of (..., n) and (..., m), shape (..., n, m)."""
-    return np.asarray(a[..., :, None] * b[..., None, :])
-
-
 def _with_one(vector: Array) -> Array:
     """Append the constant 1 that carries the bias."""
-    extended = np.ones((*vector.shape[:-1], vector.shape[-1] + 1), dtype=vector.dtype)
-    extended[..., :-1] = vector
-    return extended
+    return np.concatenate((vector, np.ones_like(vector[..., :1])), axis=-1)
 
 
 def output(state: NetworkState, phi: Array) -> Array:
     """Return f_hat = V_1' phi (m/s^2), eq. DNN:fd:hat, shape (..., 3)."""
-    return times(_transposed(state.v1), phi)
+    return times(state.v1.mT, phi)
 
 
-def network_step(state: NetworkState, x_d: Array, phi: Array, y2: Array, gains: EtnnGains, dt_s: float) -> NetworkState:
+def network_step(state: NetworkState, x_d: Array, phi: Array, y2: Array, g: EtnnGains, dt_s: float) -> NetworkState:
     """Advance eqs. update1 and update2 by `dt_s`; both weight matrices stay in their balls."""
-    rate1 = _outer(gains.gamma_v1 * phi, y2)
-    # phi' is (N_1+1, N_1) with a zero last row (the bias does not depend on its input): only the first N_1 rows count
-    slope = phi[..., :-1] * (1.0 - phi[..., :-1])
+    slope = phi[..., :-1] * (1.0 - phi[..., :-1])  # phi' but for its last row, which is 0: the bias depends on nothing
     back = slope * times(state.v1[..., :-1, :], y2)
-    rate0 = _outer(gains.gamma_v0 * x_d, back)
-    v1 = bounded_step(state.v1, rate1, gains.gamma_v1, gains.v1_max, gains.projection_band, dt_s)
-    v0 = bounded_step(state.v0, rate0, gains.gamma_v0, gains.v0_max, gains.projection_band, dt_s)
+    rate1 = (g.gamma_v1 * phi)[..., :, None] * y2[..., None, :]
+    rate0 = (g.gamma_v0 * x_d)[..., :, None] * back[..., None, :]
+    v1 = bounded_step(state.v1, rate1, g.gamma_v1, g.v1_max, g.projection_band, dt_s)
+    v0 = bounded_step(state.v0, rate0, g.gamma_v0, g.v0_max, g.projection_band, dt_s)
     return NetworkState(v0, v1)
 
 

@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 
 from companion.control.compiled_law import compiled_law
-from companion.control.controller import ControlInput, Controller, ControlOutput, Memory, SeededLaw, TwoHalves
+from companion.control.controller import ControlInput, Controller, ControlOutput, SeededLaw, TwoHalves
 from companion.control.disturbance import Disturbance, estimate_disturbance, no_disturbance
 from companion.control.law_switch import LawSwitch
 from companion.core.types import Array, AttitudeThrust, Flag, Mask, Reference, Scalar, VehicleState
@@ -58,8 +58,8 @@ class ControlPipeline:
         self._model, self._limits, self._lead = model, limits, lead
         self._guard = guard
         self._take(controller)
-        self._memory: Memory = None
-        self._decided: Memory = None
+        self._memory: object = None
+        self._decided: object = None
         self._law_setpoint: AttitudeThrust | None = None
         self._yaw_rad: Scalar = 0.0
         self._sent_arm_accel_w_mps2 = _NOTHING
@@ -109,7 +109,7 @@ class ControlPipeline:
             self._memory, output = self._controller.step(self._memory, now)
         return output
 
-    def _begin(self, now: ControlInput) -> Memory:
+    def _begin(self, now: ControlInput) -> object:
         """Return the law's first memory: nothing learnt at lift-off, the known disturbance after a switch."""
         if not self._switched:
             return self._controller.initial(now)

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from companion.core.types import Array, Scalar
-from companion.geometry.array_math import any_true, math_module, maximum, minimum, where
+from companion.geometry.array_math import any_true, by_axis, math_module, maximum, minimum, where
 
 
 def squared(s: Array) -> Scalar:
@@ -54,7 +54,16 @@ def steepest_secant(p: float, epsilon: float, regularisation: float) -> float:
     return float(np.max(switch_map(s, p, epsilon)[..., 0] / radius))
 
 
-def sign(y: Scalar, boundary_layer: Scalar = 0.0) -> Scalar:
-    """Return sgn(y) of eq. ETC-law for components or whole vectors, sgn(0) = 0; with a layer clip(y/layer, -1, 1)."""
-    soft = minimum(maximum(y / maximum(boundary_layer, 1e-9), -1.0), 1.0)
-    return where(boundary_layer > 0.0, soft, where(y > 0.0, 1.0, where(y < 0.0, -1.0, 0.0 * y)))
+def sgn(y: Array, boundary_layer: Scalar = 0.0) -> Array:
+    """Return sgn(y) of eq. ETC-law component by component, sgn(0) = 0; with a layer clip(y/layer, -1, 1)."""
+
+    def of_axis(y: Scalar) -> Scalar:
+        soft = minimum(maximum(y / maximum(boundary_layer, 1e-9), -1.0), 1.0)
+        return where(boundary_layer > 0.0, soft, where(y > 0.0, 1.0, where(y < 0.0, -1.0, 0.0 * y)))
+
+    return by_axis(of_axis, y)
+
+
+def atan(s: Array) -> Array:
+    """Return the arc tangent component by component, eq. cmd-filter."""
+    return by_axis(lambda x: math_module(x).atan(x), s)

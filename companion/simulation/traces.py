@@ -90,6 +90,7 @@ class _Pipeline(ControlPipeline):
     def held(self) -> Held:
         assert self._law_setpoint is not None
         assert self._disturbance is not None
+        assert isinstance(self._memory, EtnnMemory)
         arms, disturbance = self._sent_arm_accel_w_mps2, self._disturbance
         return Held(self._memory, self._law_setpoint, self._yaw_rad, arms, disturbance)
 

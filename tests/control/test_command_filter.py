@@ -7,15 +7,10 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from companion.control.command_filter import (
-    FilterState,
-    at_lift_off,
-    filter_step,
-    virtual_control_1,
-    virtual_control_2,
-)
+from companion.control.etnn import Etnn, FilterState, filter_step, virtual_control_1, virtual_control_2
 from companion.control.gains import EtnnGains
 from tests.control import by_hand
+from tests.control.test_whole_laws import inputs
 
 GAINS = EtnnGains()
 ZERO = np.zeros(3)
@@ -49,8 +44,10 @@ def test_both_virtual_controls_are_the_papers_formulas(
 
 
 def test_the_filter_starts_on_its_input() -> None:
-    start = at_lift_off(np.array([1.0, -2.0, 3.0]))
-    np.testing.assert_array_equal(start.chi, [1.0, -2.0, 3.0])
+    (now,) = inputs((), 1)
+    x1 = now.position_w_m - now.reference.position_w_m
+    start = Etnn(GAINS).initial(now).filter
+    np.testing.assert_array_equal(start.chi, virtual_control_1(now.reference.velocity_w_mps, x1, ZERO, GAINS))
     for still in (start.xi, start.iota1, start.iota2):
         np.testing.assert_array_equal(still, ZERO)
 
@@ -89,7 +86,7 @@ def test_a_share_of_the_compensation_moves_it_by_that_share_and_the_filter_as_ev
 @pytest.mark.parametrize("target", [-1.0, 0.3, 2.0])
 def test_the_filter_settles_on_a_steady_input(target: float) -> None:
     gains = EtnnGains(filter_eps=0.03, zeta=1.0, rho=1.0)
-    state = at_lift_off(ZERO)
+    state = FilterState(ZERO, ZERO, ZERO, ZERO)
     alpha1 = np.full(3, target)
     for _ in range(300):
         state = filter_step(state, alpha1, ZERO, gains, 0.01)
@@ -120,7 +117,7 @@ def test_what_goes_past_the_filter_is_not_late(share: float) -> None:
     """Behind an input that changes at a rate a the filter is late by rho eps/zeta a, but for what passes it."""
     gains = EtnnGains(filter_eps=0.1, zeta=2.0, rho=1.0)
     accel = np.array([0.02, -0.01, 0.0])  # small: atan is linear
-    state, alpha1 = at_lift_off(ZERO), ZERO
+    state, alpha1 = FilterState(ZERO, ZERO, ZERO, ZERO), ZERO
     for _ in range(3000):
         state = filter_step(state, alpha1, ZERO, gains, 0.001, share * accel)
         alpha1 = alpha1 + 0.001 * accel

@@ -23,10 +23,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.control.command_filter import virtual_control_1, virtual_control_2
 from companion.control.controller import ControlInput
-from companion.control.etnn import Etnn
-from companion.control.event_trigger import TriggerState, continuous_control, trigger_step
+from companion.control.etnn import (
+    Etnn,
+    TriggerState,
+    continuous_control,
+    trigger_step,
+    virtual_control_1,
+    virtual_control_2,
+)
 from companion.control.gains import EtnnGains
 from companion.control.network import NetworkState, hidden_layer, network_step, project
 from companion.control.switching import switch_map

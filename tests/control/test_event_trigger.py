@@ -5,18 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.control.event_trigger import (
-    TriggerState,
-    continuous_control,
-    initial_trigger,
-    trigger_step,
-)
+from companion.control.etnn import TriggerState, continuous_control, trigger_step
 from companion.control.gains import EtnnGains
 from companion.core.types import Array
 from tests.control import by_hand
 
 GAINS = EtnnGains()  # sigma = 0.05, delta = 0.1
 SEED = st.integers(0, 2**32 - 1)
+NOTHING_SENT = TriggerState(np.zeros(3), np.zeros(1), np.zeros(1))
 
 
 def holding(u: list[float], kappa: float = 0.0) -> TriggerState:
@@ -24,7 +20,7 @@ def holding(u: list[float], kappa: float = 0.0) -> TriggerState:
 
 
 def test_the_first_step_is_an_event_even_when_nothing_is_asked_for() -> None:
-    _, u, event = trigger_step(initial_trigger(GAINS), np.zeros(3), GAINS, 0.01)
+    _, u, event = trigger_step(NOTHING_SENT, np.zeros(3), GAINS, 0.01)
     assert event == 1.0, "nothing was sent yet, so there is nothing to hold"
     np.testing.assert_array_equal(u, np.zeros(3))
 
@@ -98,7 +94,7 @@ def wander(seed: int, gains: EtnnGains, dt: float, cycles: int = 150) -> list[tu
     """A random walk of alpha_2 and y_2 through the trigger: (alpha_2, y_2, u, kappa used) of each cycle."""
     rng = np.random.default_rng(seed)
     alpha2, y2 = rng.normal(size=3), rng.normal(0.0, 0.2, 3)
-    state, seen = initial_trigger(gains), []
+    state, seen = NOTHING_SENT, []
     for _ in range(cycles):
         kappa = state.kappa
         u_bar = continuous_control(alpha2, y2, kappa, gains)

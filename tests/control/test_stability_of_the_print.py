@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from companion.config.locations import project_root
-from companion.control.command_filter import at_lift_off, filter_step, virtual_control_1, virtual_control_2
+from companion.control.etnn import FilterState, filter_step, virtual_control_1, virtual_control_2
 from companion.control.gains import EtnnGains
 from companion.trajectories.reference import Ellipse, Hold
 from tests.control.ideal_plant import Run, simulate
@@ -111,7 +111,7 @@ def test_what_the_network_learns_stays_in_the_position_error() -> None:
     For 0.1 m/s^2 that is 3.8 mm: 3 * 0.0038 + 0.0506 * 0.0616 = 0.0145, and 0.0038 + 0.8 * 0.1204 = 0.1.
     """
     f_hat, still = np.array([0.1, 0.0, 0.0]), np.zeros(3)
-    state = at_lift_off(still)
+    state = FilterState(still, still, still, still)
     for _ in range(3000):
         alpha1 = virtual_control_1(still, still, state.iota1, STABILISED)
         state = filter_step(state, alpha1, f_hat, STABILISED, 0.005)

@@ -5,10 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.control.command_filter import compensation_at_rest
 from companion.control.controller import ControlInput, ControlOutput, SeededLaw, VehicleModel
 from companion.control.delay_predictor import Predictor
-from companion.control.etnn import Etnn
+from companion.control.etnn import Etnn, compensation_at_rest
 from companion.control.gains import EtnnGains, PidGains
 from companion.control.law_switch import BLEND_S, HELD_S, LawSwitch
 from companion.control.pid import Pid

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ def test_a_batch_of_gains_flies_each_vehicle_under_its_own(name: str, tmp_path: 
     each = [rounded(point, space.knobs) for point in points]
     law = space.law_of({key: np.array([one[key] for one in each]) for key in each[0]}, VEHICLE, 0.01)
     seen = inputs((2,), 8)
-    alone: list[PeerLaw] = []
+    alone: list[PeerLaw[Any]] = []
     for row, values in enumerate(each):
         path = tmp_path / f"{row}.toml"
         path.write_text(space.toml(values, "companion tune"), encoding="utf-8")

@@ -12,8 +12,8 @@ import numpy as np
 from pydantic import Field
 
 from companion.control.controller import ControlInput, ControlOutput
-from companion.control.gains import Diagonal, NotNegative, Positive
-from companion.control.peers.outer_loop import FeedbackGains, FeedbackLaw, LoopMemory, diagonal
+from companion.control.gains import Diagonal, NotNegative, Positive, diagonal
+from companion.control.peers.outer_loop import FeedbackGains, FeedbackLaw, LoopMemory
 from companion.core.types import Array
 from companion.core.values import value
 
@@ -35,7 +35,7 @@ class GeometricPidMemory:
 
 
 @dataclass(frozen=True)
-class GeometricPid(FeedbackLaw):
+class GeometricPid(FeedbackLaw[GeometricPidMemory]):
     """Law u = p_d'' - k_x e_x - k_v e_v - sat(k_i int(e_v + c e_x)); the integral is its estimated disturbance."""
 
     gains: GeometricPidGains

@@ -53,7 +53,7 @@ class IndiMemory:
 
 
 @dataclass(frozen=True)
-class Indi(FeedbackLaw):
+class Indi(FeedbackLaw[IndiMemory]):
     """Law u = u_f + (a_d - a_f): the filtered acceleration of the rotors, and what the filtered measured one lacks."""
 
     gains: IndiGains

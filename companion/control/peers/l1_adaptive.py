@@ -52,7 +52,7 @@ class L1Memory:
 
 
 @dataclass(frozen=True)
-class L1Adaptive(FeedbackLaw):
+class L1Adaptive(FeedbackLaw[L1Memory]):
     """Law u = u_geometric - C(s) sigma_hat."""
 
     gains: L1Gains

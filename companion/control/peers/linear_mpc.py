@@ -15,16 +15,15 @@ embedded quadratic programming using recursive LDL' updates", IEEE TAC 67(8), 20
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from typing import Any
 
 import numpy as np
 from pydantic import Field
 
 from companion.control.controller import ControlInput, ControlOutput, VehicleModel
 from companion.control.disturbance_observer import DisturbanceEstimate, Poles, nothing_observed, observe
-from companion.control.gains import Diagonal, Positive
+from companion.control.gains import Diagonal, Positive, diagonal
 from companion.control.lag_models import exponential, first_order, second_order
-from companion.control.peers.outer_loop import LoopMemory, PeerGains, PeerLaw, diagonal
+from companion.control.peers.outer_loop import LoopMemory, PeerGains, PeerLaw
 from companion.core.interfaces import ConfigError
 from companion.core.types import Array
 from companion.core.values import value
@@ -55,7 +54,7 @@ class MpcMemory:
 
 
 @dataclass(frozen=True)
-class LinearMpc(PeerLaw):
+class LinearMpc(PeerLaw[MpcMemory]):
     """Law that sends the first of the moves that cost least over the horizon."""
 
     gains: MpcGains
@@ -233,7 +232,7 @@ def _solver() -> Callable[[Array, Array, Array], Array]:
     none, free = np.zeros((0, MOVES)), np.zeros(MOVES, dtype=np.int32)
 
     def solve(cost: Array, slope: Array, most: Array) -> Array:
-        found: Any = daqp.solve(np.array(cost), slope, none, np.array(most), -most, free)
+        found = daqp.solve(np.array(cost), slope, none, np.array(most), -most, free)
         return np.asarray(found[0])
 
     return solve

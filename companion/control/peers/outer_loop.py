@@ -8,25 +8,20 @@ are compared and not delays; each predicts with its own estimate of the disturba
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Generic, Self
 
 import numpy as np
 from pydantic import Field
 
-from companion.control.controller import ControlInput, ControlOutput, VehicleModel
+from companion.control.controller import ControlInput, ControlOutput, Memory, VehicleModel
 from companion.control.delay_predictor import Prediction, Predictor, PredictorMemory
-from companion.control.gains import Diagonal, Gains, NotNegative
+from companion.control.gains import Diagonal, Gains, NotNegative, diagonal
 from companion.core.types import Array, Reference, Scalar
 from companion.core.values import value
 from companion.geometry.array_math import maximum, minimum
 
 _LONGEST_S = 0.05
 """Longest gap in the frames that an estimate is advanced by."""
-
-
-def diagonal(x: float, y: float, z: float, note: str) -> Any:
-    """Return a field for one gain an axis with these defaults."""
-    return Field(default_factory=lambda: np.array((x, y, z)), description=note)
 
 
 class PeerGains(Gains):
@@ -80,23 +75,23 @@ class Sight:
 
 
 @dataclass(frozen=True)
-class PeerLaw(ABC):
+class PeerLaw(ABC, Generic[Memory]):
     """Base of the peers' laws: the shared parts of a cycle, and the methods that each law adds."""
 
     gains: PeerGains
     vehicle: VehicleModel
     period_s: float
 
-    def initial(self, first: ControlInput) -> Any:
+    def initial(self, first: ControlInput) -> Memory:
         """Return the memory at lift-off: no disturbance."""
         return self.initial_with(first, np.zeros_like(first.position_w_m))
 
     @abstractmethod
-    def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> Any:
+    def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> Memory:
         """Return the memory for a vehicle in flight, as `SeededLaw`."""
 
     @abstractmethod
-    def step(self, memory: Any, now: ControlInput) -> tuple[Any, ControlOutput]:
+    def step(self, memory: Memory, now: ControlInput) -> tuple[Memory, ControlOutput]:
         """Run one cycle, as `Controller`."""
 
     @property
@@ -134,7 +129,7 @@ class PeerLaw(ABC):
 
 
 @dataclass(frozen=True)
-class FeedbackLaw(PeerLaw):
+class FeedbackLaw(PeerLaw[Memory]):
     """Peer with linear feedback of the predicted errors."""
 
     gains: FeedbackGains

@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.control.etnn import Etnn
-from companion.control.event_trigger import continuous_control
+from companion.control.etnn import Etnn, continuous_control
 from companion.control.gains import EtnnGains
 from companion.control.law_check import in_flight
 from companion.core.types import Array

@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +53,7 @@ class PeerSpace:
         gain = np.atleast_1d(getattr(self.file.gains, name.removesuffix(_AXIS_Z)))
         return float(gain[-1] if name.endswith(_AXIS_Z) else gain[0])
 
-    def law_of(self, values: dict[str, Array], vehicle: VehicleModel, period_s: float) -> PeerLaw:
+    def law_of(self, values: dict[str, Array], vehicle: VehicleModel, period_s: float) -> PeerLaw[Any]:
         """Return the laws of a batch of points as one law: gains (B, 1), those of axes (B, 3)."""
         fields: dict[str, object] = {}
         for name in (name for name in values if not name.endswith(_AXIS_Z)):
@@ -65,7 +66,7 @@ class PeerSpace:
         batch = self.file.model_copy(update={"gains": self.file.gains.model_construct(**(gains | fields))})
         return peer_law(batch, vehicle, period_s)
 
-    def previews_s(self, law: PeerLaw) -> Array:
+    def previews_s(self, law: PeerLaw[Any]) -> Array:
         """Return the previews of a batch of laws, (B,), or of all, (1,)."""
         return np.reshape(law.preview_s, -1)
 

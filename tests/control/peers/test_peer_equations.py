@@ -5,6 +5,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,12 +30,12 @@ VEHICLE = VehicleModel()
 LEVEL = np.array([1.0, 0.0, 0.0, 0.0])
 KP, KD = (4.0, 5.0, 6.0), (3.0, 2.5, 2.0)
 FEEDBACK = {"kp_per_s2": list(KP), "kd_per_s": list(KD), "predict": False, "send_from_mps2": 0.0}
-BARE: list[PeerLaw] = [
+BARE: list[PeerLaw[Any]] = [
     GeometricPid(GeometricPidGains.model_validate(FEEDBACK), VEHICLE, 0.01),
     Indi(IndiGains.model_validate(FEEDBACK), VEHICLE, 0.01),
     L1Adaptive(L1Gains.model_validate(FEEDBACK), VEHICLE, 0.01),
 ]
-SHIPPED: list[PeerLaw] = [peer_law(read_peer(name), VEHICLE, 0.01) for name in PEERS]
+SHIPPED: list[PeerLaw[Any]] = [peer_law(read_peer(name), VEHICLE, 0.01) for name in PEERS]
 Numbers = Array | Sequence[float]
 VECTOR = st.lists(st.floats(-0.5, 0.5), min_size=3, max_size=3)
 
@@ -208,13 +209,13 @@ def test_the_trigger_sends_the_first_command_and_each_that_differs_enough() -> N
 
 
 @pytest.mark.parametrize("law", SHIPPED, ids=PEERS)
-def test_each_passes_the_check_of_laws(law: PeerLaw) -> None:
+def test_each_passes_the_check_of_laws(law: PeerLaw[Any]) -> None:
     assert check_law(law, LawFile(Path("peer.py"), type(law).__name__), 0.01) is law
 
 
 @pytest.mark.parametrize("law", SHIPPED, ids=PEERS)
 @pytest.mark.parametrize("lead", [(5,), (2, 3)])
-def test_a_batch_is_its_members_one_by_one(law: PeerLaw, lead: tuple[int, ...]) -> None:
+def test_a_batch_is_its_members_one_by_one(law: PeerLaw[Any], lead: tuple[int, ...]) -> None:
     given_ = inputs(lead, 8)
     memory, alone = law.initial(given_[0]), {index: law.initial(at(given_[0], index)) for index in np.ndindex(*lead)}
     for now in given_:
@@ -229,7 +230,7 @@ def test_a_batch_is_its_members_one_by_one(law: PeerLaw, lead: tuple[int, ...]) 
 
 
 @pytest.mark.parametrize("law", SHIPPED, ids=PEERS)
-def test_seeded_with_a_disturbance_each_counters_it_at_once(law: PeerLaw) -> None:
+def test_seeded_with_a_disturbance_each_counters_it_at_once(law: PeerLaw[Any]) -> None:
     """In a hover that counters it: level but for the attitude that it takes, at rest, nothing to correct."""
     known = np.array([0.3, -0.2, 0.1])
     now = replace(seen([0.0] * 3, [0.0] * 3, sent=-known), q_w_flu_wxyz=leaning(-known))
@@ -239,7 +240,7 @@ def test_seeded_with_a_disturbance_each_counters_it_at_once(law: PeerLaw) -> Non
 
 
 @pytest.mark.parametrize("law", SHIPPED, ids=PEERS)
-def test_a_step_of_the_reference_settles(law: PeerLaw) -> None:
+def test_a_step_of_the_reference_settles(law: PeerLaw[Any]) -> None:
     """Fly from 20 places within half a metre, under 20 pushes, on the vehicle that the law is told of."""
     rng = np.random.default_rng(3)
     starts, pushes = rng.uniform(-0.5, 0.5, (20, 3)), rng.uniform(-0.3, 0.3, (20, 3))
@@ -251,7 +252,7 @@ def test_a_step_of_the_reference_settles(law: PeerLaw) -> None:
     assert sent[-200:].mean() < 0.2, "at rest the trigger is mostly quiet"
 
 
-def stepped(law: PeerLaw, starts: Array, pushes: Array, cycles: int) -> tuple[Array, Array]:
+def stepped(law: PeerLaw[Any], starts: Array, pushes: Array, cycles: int) -> tuple[Array, Array]:
     """Return positions and events in each cycle; each axis is its lag behind its delay."""
     lag = second_order(VEHICLE.attitude_bandwidth_radps, VEHICLE.attitude_damping)
     ends = [exponential(0.01 * model) for model in (lag, lag, first_order(VEHICLE.thrust_lag_s))]
