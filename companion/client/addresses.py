@@ -15,21 +15,32 @@ def names_several(given: EndpointOptions) -> bool:
     return len(words) > 1 or (bool(words) and words[0].rpartition("/")[2] == ALL)
 
 
+def broker_of_all(given: EndpointOptions) -> OperatorConfig | None:
+    """Return the place where vehicles are looked for when they are named by `all`; None when they are not.
+
+    Raises ConfigError for a prefix that cannot be.
+    """
+    words = _words(given)
+    if len(words) != 1 or words[0].rpartition("/")[2] != ALL:
+        return None
+    return endpoint_of(replace(given, vehicle=f"{words[0].removesuffix(ALL)}unnamed"))
+
+
 async def endpoints_of(given: EndpointOptions) -> tuple[OperatorConfig, ...]:
     """Return the endpoint of each vehicle; for `all` ask the broker.
 
     The first name's prefix counts for those without one. Raises ConfigError for names that cannot be, NoServiceError
     when `all` are none.
     """
-    words = _words(given)
+    words, place = _words(given), broker_of_all(given)
+    if place is not None:
+        return await _online(place)
     if not names_several(given):
         return (endpoint_of(given),)
     prefix = "".join(words[0].rpartition("/")[:2])
     names = [word.removeprefix(prefix) for word in words]
     if ALL in names:
-        if len(names) > 1:
-            raise ConfigError(f"--vehicle {','.join(words)!r}: all is every vehicle: give it alone")
-        return await _online(endpoint_of(replace(given, vehicle=f"{prefix}unnamed")))
+        raise ConfigError(f"--vehicle {','.join(words)!r}: all is every vehicle: give it alone")
     for name in names:
         if not name or names.count(name) > 1:
             raise ConfigError(f"--vehicle {','.join(words)!r}: give each vehicle's name once, as in A,B")

@@ -1,7 +1,7 @@
 """Vehicles whose services are on a broker, found by what the services publish."""
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Collection, Mapping
 from contextlib import asynccontextmanager, suppress
 from typing import Any
 
@@ -38,6 +38,7 @@ class Roster:
         self._reconnector = Reconnector(first_version(place), self._lost)
         self.first = FirstConnection(place)
         self._alive: set[str] = set()
+        self._heard = asyncio.Event()
         self._online: dict[str, bool] = {}
 
     @property
@@ -49,6 +50,14 @@ class Roster:
     def settled(self) -> bool:
         """True when a state of every vehicle that is said to be online was heard."""
         return bool(self._alive) and self._alive.issuperset(self.names)
+
+    async def next_beside(self, known: Collection[str]) -> str:
+        """Wait for a state of a vehicle other than these, from now on; return its name."""
+        self._alive.clear()
+        while not (new := self._alive.difference(known)):
+            self._heard.clear()
+            await self._heard.wait()
+        return min(new)
 
     async def keep(self) -> None:
         """Listen until cancelled; raise the error of the first connection."""
@@ -75,6 +84,7 @@ class Roster:
                 self._online[name] = Presence.model_validate_json(message.payload).online
         elif kind == "state" and not message.retain:
             self._alive.add(name)
+            self._heard.set()
 
     def _lost(self, error: Exception) -> None:
         if not self.first.made:

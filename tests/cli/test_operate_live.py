@@ -65,6 +65,26 @@ async def test_the_live_panel_follows_the_state_and_says_when_nobody_is_there_an
     assert "Traceback" not in shown
 
 
+async def test_all_vehicles_are_also_those_that_come_later() -> None:
+    with broker() as own:
+        async with (
+            scripted(own.port, "early"),
+            Terminal(own.port, "status", "--vehicle", "all") as panel,
+            Terminal(own.port, "status", "--json", "--vehicle", "all") as states,
+        ):
+            await panel.sees("'early' at")
+            await states.sees('"vehicle": "early"')
+            async with scripted(own.port, "late") as late, scripted(own.port, "latest"):
+                for terminal in (panel, states):
+                    await terminal.sees("latest")
+                    late.phase = "hold"
+                    await terminal.sees("hold")
+            panel.process.send_signal(signal.SIGINT)
+            assert await panel.process.wait() == 130
+            shown = await states.sees('"vehicle": "latest"')
+    assert "Traceback" not in shown
+
+
 async def test_events_are_shown_as_they_happen() -> None:
     with broker() as own:
         async with scripted(own.port, "vehicle") as service, Terminal(own.port, "watch") as terminal:
