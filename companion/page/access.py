@@ -9,8 +9,11 @@ from dataclasses import dataclass, field
 
 WINDOW_S = 60.0
 MOST_TRIES = 5
-"""Tries of one address within WINDOW_S."""
+"""Tries of one address, or of one known browser, within WINDOW_S."""
 MOST_TRIES_IN_ALL = 30
+"""Tries of all addresses together; known browsers do not count."""
+_FOR_FIRST_TRIES = 10
+"""The last ones of these, for addresses that have not tried within WINDOW_S: who guesses does not use them up."""
 SESSION_S = 12 * 3600.0
 """Time after which one has to log in again."""
 _MOST_SESSIONS = 100
@@ -23,19 +26,59 @@ class Tries:
     _of: dict[str, deque[float]] = field(default_factory=dict)
     _all: deque[float] = field(default_factory=deque)
 
-    def wait_s(self, address: str, now_s: float) -> float:
-        """Return how long this address has to wait; 0 when it may try now, which counts as a try."""
-        own = self._of.get(address) or deque()
-        for tries in (own, self._all):
+    def wait_s(self, who: str, now_s: float, known: bool = False) -> float:
+        """Return how long an address, or a known browser, has to wait; 0 when it may try now, which counts as a try."""
+        own, every = self._of.get(who) or deque(), self._all
+        for tries in (own, every):
             while tries and now_s - tries[0] >= WINDOW_S:
                 tries.popleft()
-        for tries, most in ((own, MOST_TRIES), (self._all, MOST_TRIES_IN_ALL)):
-            if len(tries) >= most:
-                return WINDOW_S - (now_s - tries[0])
+        limits = [(own, MOST_TRIES)]
+        if not known:
+            limits.append((every, MOST_TRIES_IN_ALL - (_FOR_FIRST_TRIES if own else 0)))
+        waits_s = [WINDOW_S - (now_s - tries[-most]) for tries, most in limits if len(tries) >= most]
+        if waits_s:
+            return max(waits_s)
         own.append(now_s)
-        self._all.append(now_s)
-        self._of = {one: tries for one, tries in self._of.items() if now_s - tries[-1] < WINDOW_S} | {address: own}
+        if not known:
+            every.append(now_s)
+        self._of = {one: tries for one, tries in self._of.items() if now_s - tries[-1] < WINDOW_S} | {who: own}
         return 0.0
+
+
+def network_of(address: str) -> str:
+    """Return what counts as one address: an IPv6 computer has a whole /64 to choose from (RFC 4291, 2.5.1)."""
+    try:
+        found = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return address
+    if found.version == 4:
+        return address
+    return str(found.ipv4_mapped or ipaddress.ip_network((found, 64), strict=False))
+
+
+class KnownBrowsers:
+    """Mark of the browsers that have logged in once: those who guess cannot keep them out.
+
+    OWASP's device cookies (Slow Down Online Guessing Attacks with Device Cookies): a signed number, that gives no right
+    but to be counted by itself.
+    """
+
+    def __init__(self, key: bytes) -> None:
+        """`key`: what the marks are signed with; another one makes them void."""
+        self._key = key
+
+    def mark(self) -> str:
+        """Return a new browser's mark."""
+        nonce = secrets.token_urlsafe(16)
+        return f"{nonce}.{self._signature(nonce)}"
+
+    def knows(self, mark: str) -> bool:
+        """Return whether this is a mark of ours."""
+        nonce, _, signature = mark.partition(".")
+        return hmac.compare_digest(self._signature(nonce).encode(), signature.encode())
+
+    def _signature(self, nonce: str) -> str:
+        return hmac.new(self._key, b"page: known browser " + nonce.encode(), hashlib.sha256).hexdigest()
 
 
 class Sessions:

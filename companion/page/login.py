@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import math
+import secrets
 import time
 from dataclasses import dataclass, field
 from typing import Any
@@ -12,7 +13,7 @@ from starlette.requests import HTTPConnection, Request
 from starlette.responses import JSONResponse, Response
 
 from companion.adapters.system.log_lines import LineLimit
-from companion.page.access import SESSION_S, OneTimeToken, Sessions, Tries
+from companion.page.access import SESSION_S, KnownBrowsers, OneTimeToken, Sessions, Tries, network_of
 from companion.page.origins import is_same_origin
 from companion.page.passwords import MOST_BYTES, PasswordHash
 
@@ -22,6 +23,9 @@ _MOST_BODY_BYTES = 2048
 _BODY_S = 5.0
 """Time for a request's body to arrive."""
 COOKIE = "dauam_page"
+KNOWN = "dauam_page_known"
+"""Cookie of a browser that has logged in."""
+_KNOWN_S = 90 * 24 * 3600.0
 NO_PASSWORD = "this page only looks: its server was started without --page-password FILE"  # noqa: S105 - a sentence
 
 
@@ -45,6 +49,11 @@ class Login:
     _log: LineLimit = field(default_factory=LineLimit)
     _one: asyncio.Lock = field(default_factory=asyncio.Lock)
     """One hash at a time: each takes 16 MB and a fifth of a second."""
+    _browsers: KnownBrowsers = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Sign with the password's hash: browsers stay known when the server begins again, until it is changed."""
+        self._browsers = KnownBrowsers(self.password.digest if self.password is not None else secrets.token_bytes(32))
 
     def can_command(self, connection: HTTPConnection) -> bool:
         """Return whether a request, or a WebSocket's, has the cookie of a session."""
@@ -54,7 +63,7 @@ class Login:
         """Answer `POST /login`: a cookie for the right password or token."""
         try:
             fields = await _fields_of(request)
-            await self._check(fields, peer_of(request))
+            await self._check(fields, request)
         except RefusedError as refused:
             said = f"a login from {peer_of(request)} is refused: {refused}"
             self._log.log(lambda more: LOG.warning("%s%s", said, more))
@@ -62,9 +71,10 @@ class Login:
         LOG.info("%s has logged in", peer_of(request))
         answer = JSONResponse({"ok": True})
         cookie = self.sessions.begin(time.monotonic())
-        answer.set_cookie(
-            COOKIE, cookie, max_age=int(SESSION_S), path="/", secure=self.tls, httponly=True, samesite="strict"
-        )
+        for name, value, age_s in ((KNOWN, self._browsers.mark(), _KNOWN_S), (COOKIE, cookie, SESSION_S)):
+            answer.set_cookie(
+                name, value, max_age=int(age_s), path="/", secure=self.tls, httponly=True, samesite="strict"
+            )
         return answer
 
     async def log_out(self, request: Request) -> Response:
@@ -78,9 +88,11 @@ class Login:
         answer.delete_cookie(COOKIE, path="/", secure=self.tls, httponly=True, samesite="strict")
         return answer
 
-    async def _check(self, fields: dict[str, Any], peer: str) -> None:
+    async def _check(self, fields: dict[str, Any], request: Request) -> None:
         """Return when the password or the token is right; raise RefusedError otherwise."""
-        wait_s = self._tries.wait_s(peer, time.monotonic())
+        peer, mark = peer_of(request), request.cookies.get(KNOWN, "")
+        known = self._browsers.knows(mark)
+        wait_s = self._tries.wait_s(mark if known else network_of(peer), time.monotonic(), known)
         if wait_s > 0.0:
             text = f"too many tries: the next one counts in {math.ceil(wait_s)} s"
             raise RefusedError(429, text, wait_s)

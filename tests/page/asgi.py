@@ -53,6 +53,8 @@ class Answered:
     status: int
     headers: dict[str, str]
     body: bytes
+    cookies: tuple[str, ...] = ()
+    """Cookies that were set, as a request gives them back."""
 
     @property
     def json(self) -> Any:
@@ -60,8 +62,8 @@ class Answered:
 
     @property
     def cookie(self) -> str:
-        """Cookie that was set, as a request gives it back."""
-        return self.headers["set-cookie"].partition(";")[0]
+        """Cookie of the session that was begun."""
+        return next(one for one in self.cookies if one.startswith(f"{COOKIE}="))
 
 
 class Site:
@@ -97,12 +99,18 @@ class Site:
         await self.app(scope, receive, send)
         start = next(one for one in sent if one["type"] == "http.response.start")
         text = b"".join(one.get("body", b"") for one in sent if one["type"] == "http.response.body")
-        return Answered(start["status"], {name.decode(): value.decode() for name, value in start["headers"]}, text)
+        pairs = [(name.decode(), value.decode()) for name, value in start["headers"]]
+        cookies = tuple(value.partition(";")[0] for name, value in pairs if name == "set-cookie")
+        return Answered(start["status"], dict(pairs), text, cookies)
 
     async def log_in(self, peer: str = "192.168.0.7", **fields: object) -> Answered:
         """Return the answer to a login from the page itself."""
-        body = json.dumps(fields or {"password": PASSWORD}).encode()
-        return await self.ask("POST", "/login", body, peer, origin=ORIGIN, content_type="application/json")
+        return await self.log_in_again(None, peer, fields or {"password": PASSWORD})
+
+    async def log_in_again(self, cookies: str | None, peer: str, fields: dict[str, object]) -> Answered:
+        """Return the answer to a login from a browser that has cookies."""
+        body, kind = json.dumps(fields).encode(), "application/json"
+        return await self.ask("POST", "/login", body, peer, origin=ORIGIN, content_type=kind, cookie=cookies)
 
     @asynccontextmanager
     async def page(self, cookie: str = "", **headers: str | None) -> AsyncIterator["OpenPage"]:

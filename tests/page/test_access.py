@@ -5,10 +5,12 @@ from companion.page.access import (
     MOST_TRIES_IN_ALL,
     SESSION_S,
     WINDOW_S,
+    KnownBrowsers,
     OneTimeToken,
     Sessions,
     Tries,
     is_loopback,
+    network_of,
 )
 
 
@@ -33,6 +35,52 @@ def test_all_addresses_together_may_try_thirty_times_a_minute() -> None:
     assert sum(wait == 0.0 for wait in waits) == MOST_TRIES_IN_ALL
     assert tries.wait_s("10.0.1.1", WINDOW_S - 0.1) > 0.0
     assert tries.wait_s("10.0.1.1", WINDOW_S) == 0.0
+
+
+def test_six_that_guess_without_end_leave_room_for_a_new_address() -> None:
+    tries = Tries()
+    for now_s in range(600):
+        counted = [tries.wait_s(f"10.0.0.{number}", float(now_s)) for number in range(6) for _ in range(MOST_TRIES)]
+        assert sum(wait_s == 0.0 for wait_s in counted) <= 6 * MOST_TRIES
+        if now_s % 60 == 59:
+            assert tries.wait_s(f"192.168.0.{now_s // 60}", float(now_s)) == 0.0
+
+
+def test_a_refused_address_is_told_when_its_next_try_counts() -> None:
+    tries = Tries()
+    for second in range(20):
+        assert tries.wait_s(f"10.0.0.{second // 5}", float(second)) == 0.0
+    assert tries.wait_s("10.0.1.1", 20.0) == 0.0
+    wait_s = tries.wait_s("10.0.1.1", 21.0)
+    assert (wait_s, tries.wait_s("10.0.1.1", 21.0 + wait_s)) == (WINDOW_S + 1.0 - 21.0, 0.0)
+
+
+def test_known_browsers_do_not_count_among_all() -> None:
+    tries = Tries()
+    for number in range(100):
+        assert tries.wait_s(f"mark {number}", 0.0, known=True) == 0.0
+    assert tries.wait_s("10.0.0.1", 0.0) == 0.0
+    for _ in range(MOST_TRIES - 1):
+        tries.wait_s("mark 0", 1.0, known=True)
+    assert tries.wait_s("mark 0", 2.0, known=True) == WINDOW_S - 2.0, "each by itself"
+
+
+def test_a_computer_with_many_ipv6_addresses_is_one() -> None:
+    assert network_of("2001:db8::1") == network_of("2001:db8::ffff:1") != network_of("2001:db8:0:1::1")
+    assert network_of("fe80::1%eth0") == network_of("fe80::2%eth1")
+    assert network_of("10.0.0.1") == network_of("::ffff:10.0.0.1") != network_of("10.0.0.2")
+    assert network_of("") == ""
+
+
+def test_only_marks_of_the_same_key_are_known() -> None:
+    browsers = KnownBrowsers(b"key")
+    mark = browsers.mark()
+    assert browsers.knows(mark)
+    assert mark != browsers.mark()
+    assert KnownBrowsers(b"key").knows(mark), "also after the server has begun again"
+    for wrong in ("", ".", mark[:-1], f"x{mark}", mark.partition(".")[0], f"{mark}\xe9"):
+        assert not browsers.knows(wrong)
+    assert not KnownBrowsers(b"other").knows(mark)
 
 
 def test_a_million_addresses_take_no_memory() -> None:

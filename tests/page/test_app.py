@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from companion.page import app as page_app_module
-from companion.page.access import MOST_TRIES
+from companion.page.access import MOST_TRIES, MOST_TRIES_IN_ALL
 from companion.page.guarded import CSP
+from companion.page.login import KNOWN
 from companion.protocol.telemetry import Happened, Kind, Presence, State
 from tests.page.asgi import HOST, ORIGIN, PASSWORD, TOKEN, VEHICLES, Site
 
@@ -93,6 +94,35 @@ async def test_wrong_passwords_are_counted() -> None:
     assert (answer.status, answer.json["error"]) == (429, "too many tries: the next one counts in 60 s")
     assert int(answer.headers["retry-after"]) in {59, 60}
     assert (await site.log_in(peer="192.168.0.8")).status == 200, "another address"
+
+
+async def test_those_who_guess_keep_no_operator_out() -> None:
+    site = Site()
+    known = (await site.log_in(peer="192.168.0.9")).cookies
+    for number in range(6 * MOST_TRIES):
+        await site.log_in(peer=f"10.0.0.{number % 6}", password="guess")
+    assert (await site.log_in(peer="192.168.0.7")).status == 200, "a new one, from an address that has not guessed"
+    for number in range(MOST_TRIES_IN_ALL):
+        await site.log_in(peer=f"10.0.1.{number}", password="guess")
+    assert (await site.log_in(peer="192.168.0.8")).status == 429, "all tries of this minute are used up"
+    again = await site.log_in_again("; ".join(known), "10.0.0.1", {"password": PASSWORD})
+    assert again.status == 200, "not those of a browser that has logged in before, wherever it is now"
+    async with site.page(again.cookie) as page:
+        for ref, verb in enumerate(("abort", "land"), 1):
+            page.command(ref, verb)
+            await page.until("reply", ref=ref, answer="done")
+
+
+async def test_a_known_browser_is_counted_by_itself_and_has_no_rights_by_that() -> None:
+    site = Site()
+    (known,) = [one for one in (await site.log_in()).cookies if one.startswith(f"{KNOWN}=")]
+    async with site.page(known) as page:
+        assert not (await page.until("hello"))["can_command"]
+    right: dict[str, object] = {"password": PASSWORD}
+    for number in range(MOST_TRIES):
+        assert (await site.log_in_again(known, f"10.0.0.{number}", {"password": "guess"})).status == 401
+    assert (await site.log_in_again(known, "10.0.0.9", right)).status == 429, "wherever it is"
+    assert (await site.log_in_again(f"{known[:-1]}?", "10.0.0.9", right)).status == 200, "by its address without it"
 
 
 @pytest.mark.parametrize("fields", [{"password": None}, {"password": 7}, {"password": "x" * 300}, {"passwort": "x"}])
