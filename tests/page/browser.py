@@ -52,7 +52,8 @@ def opened(
     `by_hand`: its clock, timers and drawing advance only by `page.clock.run_for`.
     """
     width, height = SIZES[size]
-    context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
+    touch = size != "desktop"
+    context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme, has_touch=touch)
     context.set_default_timeout(10_000)
     page = context.new_page()
     troubles: list[str] = []

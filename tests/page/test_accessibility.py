@@ -1,6 +1,8 @@
 """The page is accessible, small, and says why it does not command without a login."""
 
 import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -100,6 +102,76 @@ def test_the_room_turns_by_mouse_wheel_and_keys(browser: Browser, one: FakeServe
         page.locator("#follow").click()
         seen.add(picture(page))
         assert len(seen) == 7
+
+
+def test_two_fingers_zoom_the_room_and_leave_the_bottom_row_in_reach(browser: Browser, one: FakeServer) -> None:
+    with opened(browser, one.url, "phone") as page:
+        expect(page.locator("#phase")).to_have_text("standby")
+        scene = page.locator("#scene")
+        start = picture(page)
+        scene.press("+")
+        nearer = picture(page)
+        scene.press("0")
+        assert picture(page) == start != nearer
+        with fingers(page, corner_of(page, "#scene")) as put:
+            put((100, 150), (200, 150))
+            put((100, 150), (220, 150))  # 1.2 times as far apart, as the key does
+            assert picture(page) == nearer
+            put((100, 150), (200, 150))
+            assert picture(page) == start
+            put((100, 150))
+            put((140, 150))
+        turned = picture(page)
+        assert turned not in {start, nearer}, "the finger that is left turns it"
+        with fingers(page, corner_of(page, "#plan")) as put:
+            for apart in range(100, 260, 20):
+                put((150 - apart / 2, 150), (150 + apart / 2, 150))
+        assert page.locator("#goto-x").input_value() == "", "no place was chosen"
+        assert page.evaluate("visualViewport.scale") > 2.0
+        assert one.commands == []
+        tap(page, "[data-command=abort]")
+        expect(page.locator("output[data-answer=abort]")).to_contain_text("done")
+
+
+def tap(page: Page, selector: str) -> None:
+    """Tap on an element in that part of the page that is seen."""
+    x, y, width, height = page.evaluate(
+        """(selector) => { const {offsetLeft, offsetTop, width, height} = visualViewport;
+          const {left, top, right, bottom} = document.querySelector(selector).getBoundingClientRect();
+          return [(left + right) / 2 - offsetLeft, (top + bottom) / 2 - offsetTop, width, height]; }""",
+        selector,
+    )
+    assert 0 < x < width
+    assert 0 < y < height
+    with fingers(page, (0.0, 0.0)) as put:
+        put((x, y))
+
+
+@contextmanager
+def fingers(page: Page, corner: tuple[float, float]) -> Iterator[Callable[..., None]]:
+    """Yield a function that puts fingers on places, px from a corner on the screen, and lifts those not given."""
+    devtools = page.context.new_cdp_session(page)
+    down: list[dict[str, float]] = []
+
+    def put(*places: tuple[float, float]) -> None:
+        points = [{"x": corner[0] + x, "y": corner[1] + y, "id": number} for number, (x, y) in enumerate(places)]
+        kind, told = "touchStart" if len(points) > len(down) else "touchMove", points
+        if len(points) < len(down):
+            kind, told = "touchEnd", down[len(points) :]
+        devtools.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": told})
+        down[:] = points
+
+    yield put
+    put()
+    devtools.detach()
+
+
+def corner_of(page: Page, selector: str) -> tuple[float, float]:
+    """Scroll to an element and return the place of its upper left corner."""
+    page.locator(selector).scroll_into_view_if_needed()
+    box = page.locator(selector).bounding_box()
+    assert box is not None
+    return box["x"], box["y"]
 
 
 def picture(page: Page) -> str:

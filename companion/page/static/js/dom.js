@@ -104,3 +104,23 @@ export function fillSelect(select, names, none = "") {
   });
   if (chosen !== "" && names.includes(chosen)) select.value = chosen;
 }
+
+/**
+ * Keep an element at the bottom of what is seen, in its usual size, when the page is zoomed or a keyboard covers a part.
+ * @param {HTMLElement} node at the bottom of the page as it is laid out
+ */
+export function keepInSight(node) {
+  const seen = window.visualViewport;
+  if (!seen) return;
+  let [right, down] = [0, 0];
+  const place = () => {
+    const box = node.getBoundingClientRect();
+    right += seen.offsetLeft - box.left;
+    down += seen.offsetTop + seen.height - box.bottom;
+    if (seen.scale === 1) [right, down] = [0, Math.min(0, Math.round(down))]; // not below a short page's end
+    const moved = seen.scale !== 1 || down !== 0;
+    node.style.transform = moved ? `translate(${right}px, ${down}px) scale(${1 / seen.scale})` : "";
+  };
+  for (const event of ["resize", "scroll"]) seen.addEventListener(event, place);
+  addEventListener("scroll", place, { passive: true });
+}

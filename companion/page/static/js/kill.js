@@ -4,8 +4,8 @@ import { byId, setAttribute, setText } from "./dom.js";
 
 const HOLD_MS = 2000;
 const END = 0.98;
-/** A pointer that lands farther from the thumb than this does not take it, px. */
-const REACH_PX = 40;
+/** A pointer that lands farther from the thumb than this does not take it, heights of the slider. */
+const REACH = 0.6;
 /** Shift and the right arrow, held: time from one end to the other, ms. */
 const KEY_TRAVEL_MS = 800;
 const TICK_MS = 40;
@@ -38,7 +38,8 @@ export class Kill {
 
   listen() {
     this.slider.addEventListener("pointerdown", (/** @type {PointerEvent} */ event) => {
-      const near = Math.abs(event.clientX - this.box().thumb) < REACH_PX;
+      const { thumb, height } = this.box();
+      const near = Math.abs(event.clientX - thumb) < REACH * height;
       if (this.holder !== null || !near || !event.isPrimary || !this.allowed()) return;
       this.holder = event.pointerId;
       this.grabX = event.clientX;
@@ -70,7 +71,7 @@ export class Kill {
   box() {
     const box = this.slider.getBoundingClientRect();
     const travel = Math.max(1, box.width - box.height);
-    return { travel, thumb: box.left + box.height / 2 + this.at * travel };
+    return { travel, thumb: box.left + box.height / 2 + this.at * travel, height: box.height };
   }
 
   /** @param {number} at 0 at rest, 1 at the end */

@@ -4,7 +4,7 @@ import { Camera } from "./camera.js";
 import { Cards } from "./cards.js";
 import { Commands } from "./commands.js";
 import { Controls } from "./controls.js";
-import { byId, setAttribute, setSymbol, setText, show } from "./dom.js";
+import { byId, keepInSight, setAttribute, setSymbol, setText, show } from "./dom.js";
 import { Fleet } from "./fleet.js";
 import { Kill } from "./kill.js";
 import { Link } from "./link.js";
@@ -149,6 +149,7 @@ function listen() {
     wake();
   });
   for (const event of ["resize", "scroll"]) addEventListener(event, wake, { passive: true });
+  keepInSight(byId("bar"));
   setInterval(tick, TICK_MS);
 }
 
