@@ -236,3 +236,22 @@ void law_settle(double *memory, const double *halfway, const double *gains, doub
 {
     settle(memory, halfway, gains, memory, f_hat);
 }
+
+/* Whole cycles of the law for vehicles (count,) with the same gains; rows of memory, which is replaced, inputs and outputs. */
+void law_step_each(int64_t count, double *memory, const double *now, const double *gains, const double *lookahead,
+                   double *output)
+{
+    enum { Y2 = 10, ALPHA1 = 13 }; /* in the output of traces.py: decide */
+    for (int64_t i = 0; i < count; i++) {
+        double halfway[settle_halfway_size], f_hat[settle_f_hat_size];
+        double *m = memory + decide_memory_size * i, *y = output + decide_output_size * i;
+        const double *x = now + decide_now_size * i;
+        decide(m, x, gains, lookahead, m, y);
+        memcpy(halfway + settle_halfway_alpha1, y + ALPHA1, 3 * sizeof(double));
+        memcpy(halfway + settle_halfway_y2, y + Y2, 3 * sizeof(double));
+        memcpy(halfway + settle_halfway_velocity_ref, x + decide_now_reference_velocity_w_mps, 3 * sizeof(double));
+        memcpy(halfway + settle_halfway_acceleration_ref, x + decide_now_reference_acceleration_w_mps2, 3 * sizeof(double));
+        halfway[settle_halfway_dt_s] = x[decide_now_dt_s];
+        settle(m, halfway, gains, m, f_hat);
+    }
+}

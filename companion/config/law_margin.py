@@ -30,7 +30,7 @@ REMEDY = (
 _LEAST = f"at least {LEAST_PHASE_DEG:g} degrees and a gain margin of {LEAST_GAIN:g} are wanted"
 
 _KNOWN: dict[tuple[object, ...], "Margin | str"] = {}
-"""Margins measured in this process (half a second each), by the text of the files, vehicle and period."""
+"""Margins measured in this process (a fifth to half a second each), by the text of the files, vehicle and period."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ Measure = Callable[[LoadedController, VehicleModel, float], "Margin | str"]
 
 
 def measured(loaded: LoadedController, vehicle: VehicleModel, period_s: float) -> "Margin | str":
-    """Return the margins, or why there are none: half a second of work."""
+    """Return the margins, or why there are none: up to half a second of work."""
     end_s = time.monotonic() + LONGEST_S
     try:
         return measure_margin(_without_trigger(loaded.law), vehicle, period_s, lambda: time.monotonic() < end_s)

@@ -11,7 +11,7 @@ from companion.control.controller import ControlInput, Controller, ControlOutput
 from companion.control.delay_predictor import Predictor, Weights
 from companion.control.etnn import Etnn, EtnnMemory
 from companion.control.gains import EtnnGains
-from companion.core.types import Array, Scalar
+from companion.core.types import Array, Reference, Scalar
 from companion.core.values import value
 from companion.geometry.array_math import where
 
@@ -144,15 +144,76 @@ class CompiledLaw:
         return after, signals | late
 
 
+class CompiledLawOfMany:
+    """ET-NN law for vehicles (B,), each flown as it would be alone; gives commands and events, no internal values."""
+
+    def __init__(self, law: Etnn, gains: Array, lookahead: Array, code: ctypes.CDLL) -> None:
+        self._law, self._code, self._numbers = law, code, (gains, lookahead)
+
+    @property
+    def preview_s(self) -> float:
+        """Time ahead of now at which the law needs its reference, s."""
+        return self._law.preview_s
+
+    def initial(self, first: ControlInput) -> Array:
+        """Return the memory at lift-off, (B, n)."""
+        rows = _inputs(first, len(first.position_w_m))
+        return np.array([_vector(self._law.initial(_alone(row))) for row in rows])
+
+    def step(self, memory: Array, now: ControlInput) -> tuple[Array, ControlOutput]:
+        """Run one cycle."""
+        after, count = memory.copy(), len(memory)
+        inputs = _inputs(now, count)
+        output = np.empty((count, len(_Output())))
+        arrays = (after, inputs, *self._numbers, output)
+        self._code.law_step_each(ctypes.c_int64(count), *(ctypes.c_void_p(array.ctypes.data) for array in arrays))
+        return after, ControlOutput(output[:, 0:3], output[:, 3:4], {})
+
+
+def _inputs(now: ControlInput, count: int) -> Array:
+    """Return the inputs of a cycle as rows, (B, 31); what is the same for all is one number, or one vector."""
+    rows, end, r = np.empty((count, len(_Given()))), 0, now.reference
+    of_state = (now.position_w_m, now.velocity_w_mps, now.q_w_flu_wxyz, now.rate_flu_radps, now.age_s)
+    of_reference = (r.position_w_m, r.velocity_w_mps, r.acceleration_w_mps2, np.reshape(r.yaw_rad, (-1, 1)))
+    for column in (*of_state, *of_reference, now.sent_accel_w_mps2, now.dt_s, now.known_accel_w_mps2):
+        begin, end = end, end + (np.shape(column)[-1] if np.ndim(column) else 1)
+        rows[:, begin:end] = column
+    return rows
+
+
+def _alone(row: Array) -> ControlInput:
+    """Return the inputs of one vehicle."""
+    return ControlInput(
+        position_w_m=row[0:3],
+        velocity_w_mps=row[3:6],
+        q_w_flu_wxyz=row[6:10],
+        rate_flu_radps=row[10:13],
+        age_s=float(row[13]),
+        reference=Reference(row[14:17], row[17:20], row[20:23], float(row[23])),
+        sent_accel_w_mps2=row[24:27],
+        dt_s=float(row[27]),
+        known_accel_w_mps2=row[28:31],
+    )
+
+
 def compiled_law(law: Controller) -> Controller:
     """Return the compiled twin of a law for one vehicle in flight; the law itself where there is none."""
+    return _twin(law, CompiledLaw)
+
+
+def compiled_law_of_many(law: Controller) -> Controller:
+    """Return the compiled twin of a law for vehicles (B,); the law itself where there is none."""
+    return _twin(law, CompiledLawOfMany)
+
+
+def _twin(law: Controller, kind: type[CompiledLaw] | type[CompiledLawOfMany]) -> Controller:
     code = library()
     if code is None or type(law) is not Etnn or law.predictor is None or law.gains.hidden != EtnnGains().hidden:
         return law
     lookahead = lookahead_of(law.predictor)
     if lookahead is None:
         return law
-    return CompiledLaw(law, flat(law.gains, law.gains)[0], flat(lookahead, NO_LOOKAHEAD)[0], code)
+    return kind(law, flat(law.gains, law.gains)[0], flat(lookahead, NO_LOOKAHEAD)[0], code)
 
 
 def _vector(memory: EtnnMemory) -> ctypes.Array[ctypes.c_double]:

@@ -10,9 +10,11 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import lru_cache
 
 import numpy as np
 
+from companion.control.compiled_law import compiled_law_of_many
 from companion.control.controller import ControlInput, Controller, Law, Memory, VehicleModel
 from companion.control.lag_models import exponential, first_order, second_order
 from companion.core.types import Array, Reference
@@ -77,7 +79,7 @@ def measure_margin(
     A trigger leaves a law silent between events: give it here with its trigger off if it has a switch for it. Raises
     TooLongError when `go_on`, called in every cycle, returns False.
     """
-    responses = _fly(law, vehicle, period_s, go_on)
+    responses = _fly(compiled_law_of_many(law), vehicle, period_s, go_on)
     margins = [response.margin() for response in responses]
     swinging = [margin for margin in margins if margin.verdict is Verdict.SWINGS]
     if swinging:
@@ -133,9 +135,7 @@ class _Response:
 
     def _loop(self) -> Array:
         """Return the complex loop gain L at the frequencies."""
-        time_s = np.arange(len(self.given_mps2)) * self.period_s
-        left = np.clip((time_s[-1] - time_s) / _TAPER_S, 0.0, 1.0)
-        waves = np.exp(-1j * np.outer(_FREQUENCIES_RADPS, time_s)) * (0.5 - 0.5 * np.cos(np.pi * left))
+        waves = _waves(len(self.given_mps2), self.period_s)
         return np.asarray(-(waves @ self.commanded_mps2) / (waves @ self.given_mps2))
 
     def _swing_radps(self) -> float:
@@ -145,6 +145,14 @@ class _Response:
         if len(changes) < 2:
             return math.nan
         return float(np.pi / (np.diff(changes).mean() * self.period_s))
+
+
+@lru_cache(maxsize=1)
+def _waves(count: int, period_s: float) -> Array:
+    """Return a wave of each frequency, (frequencies, count), that fades out at the end."""
+    time_s = np.arange(count) * period_s
+    left = np.clip((time_s[-1] - time_s) / _TAPER_S, 0.0, 1.0)
+    return np.asarray(np.exp(-1j * np.outer(_FREQUENCIES_RADPS, time_s)) * (0.5 - 0.5 * np.cos(np.pi * left)))
 
 
 def _crossings(values: Array) -> Array:

@@ -1,6 +1,8 @@
 """The compiled law is the law: every number the same, cycle after cycle, whatever the vehicle does."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 
 from companion.compiled.library import library
 from companion.config.controller_config import load_controller
-from companion.control.compiled_law import CompiledLaw, compiled_law
+from companion.control.compiled_law import CompiledLaw, CompiledLawOfMany, compiled_law, compiled_law_of_many
 from companion.control.controller import ControlInput, VehicleModel
 from companion.control.etnn import Etnn
 from companion.core.types import Reference
@@ -56,6 +58,45 @@ def test_every_number_of_a_cycle_is_the_same(name: str, seed: int, spread: float
         assert output.signals.keys() == wanted.signals.keys()
         for signal, value in wanted.signals.items():
             np.testing.assert_array_equal(output.signals[signal], value, err_msg=signal)
+
+
+def test_of_many_vehicles_each_is_flown_as_it_would_be_alone() -> None:
+    law = load_controller("practical", VehicleModel(), 0.01).law
+    many = compiled_law_of_many(law)
+    assert isinstance(many, CompiledLawOfMany)
+    rng, dt_s = np.random.default_rng(5), 0.01
+    cycles = [[replace(inputs(rng), dt_s=dt_s) for _ in range(3)] for _ in range(20)]
+    memory, memories = many.initial(together(cycles[0])), [law.initial(alone) for alone in cycles[0]]
+    for cycle in cycles:
+        memory, output = many.step(memory, together(cycle))
+        for index, alone in enumerate(cycle):
+            memories[index], wanted = law.step(memories[index], alone)
+            np.testing.assert_array_equal(output.accel_w_mps2[index], wanted.accel_w_mps2)
+            np.testing.assert_array_equal(output.event[index], wanted.event)
+
+
+def together(alone: list[ControlInput]) -> ControlInput:
+    """Vehicles (B,) from single ones."""
+
+    def rows(get: Callable[[ControlInput], Any]) -> Any:
+        return np.array([get(one) for one in alone])
+
+    return ControlInput(
+        position_w_m=rows(lambda one: one.position_w_m),
+        velocity_w_mps=rows(lambda one: one.velocity_w_mps),
+        q_w_flu_wxyz=rows(lambda one: one.q_w_flu_wxyz),
+        rate_flu_radps=rows(lambda one: one.rate_flu_radps),
+        age_s=rows(lambda one: one.age_s)[:, None],
+        reference=Reference(
+            rows(lambda one: one.reference.position_w_m),
+            rows(lambda one: one.reference.velocity_w_mps),
+            rows(lambda one: one.reference.acceleration_w_mps2),
+            rows(lambda one: one.reference.yaw_rad),
+        ),
+        sent_accel_w_mps2=rows(lambda one: one.sent_accel_w_mps2),
+        dt_s=alone[0].dt_s,
+        known_accel_w_mps2=rows(lambda one: one.known_accel_w_mps2),
+    )
 
 
 def test_it_takes_control_in_the_air_as_the_law_does() -> None:
