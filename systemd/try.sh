@@ -1,8 +1,8 @@
 #!/bin/bash
 # Starts the service under a real systemd, on a computer that need not run one: installs it into a throw-away copy of this
-# system, boots that in a container, and flies the mocks there. Two minutes; nothing of it stays.
+# system, boots that in a container, and flies the mocks there. Four minutes; nothing of it stays.
 #
-#   sudo systemd/try.sh
+#   sudo systemd/try.sh [vehicle|page|law|broker]...
 #
 # Wants the packages systemd-container and python3-venv, and Python 3.11 outside of home folders (PYTHON=..., if python3
 # is not that one). Exit code 0: everything was as docs/install.md says.
@@ -27,6 +27,7 @@ outside() {
     printf '\n[operator]\nembedded = true\n\n[records]\nfolder = "/var/lib/dauam/flights"\n' >> "$system/etc/dauam/companion.toml"
     chroot "$system" env PYTHON="${PYTHON:-python3}" "$source/systemd/install.sh"
     chroot "$system" "$source/systemd/install.sh" law --no-venv
+    chroot "$system" "$source/systemd/install.sh" page --no-venv
     chroot "$system" "$source/systemd/install.sh" broker
     umount "$system/proc" "$system/dev"
 
@@ -39,7 +40,7 @@ CPUSchedulingPriority=40
 ExecStart=/opt/dauam/bin/mock-autopilot --config /opt/dauam/config/mock.toml
 WorkingDirectory=/opt/dauam
 END
-    cat > "$system/etc/systemd/system/try.service" << 'END'
+    cat > "$system/etc/systemd/system/try.service" << END
 [Unit]
 After=basic.target
 [Service]
@@ -47,7 +48,7 @@ Type=oneshot
 TimeoutStartSec=300
 StandardOutput=file:/try.log
 StandardError=inherit
-ExecStart=/bin/bash -c '/opt/try.sh inside && touch /try.good; systemctl poweroff --force --force'
+ExecStart=/bin/bash -c '/opt/try.sh inside $* && touch /try.good; systemctl poweroff --force --force'
 END
     printf '[Unit]\nRequires=basic.target\nWants=try.service\n' > "$system/etc/systemd/system/try.target"
     # Leave to ask for the time, as a real computer gives it; the service drops it like every other.
@@ -69,7 +70,7 @@ must() {
         echo "   ok: $1"
     else
         echo "   NOT SO: $1"
-        journalctl --no-pager -u dauam-companion -o short-monotonic | tail -40
+        journalctl --no-pager -u dauam-companion -u dauam-page -o short-monotonic | tail -40
         exit 1
     fi
 }
@@ -87,14 +88,14 @@ within() {
 restarted() { [ "$(shows NRestarts)" = "$1" ] && [ "$(shows ActiveState)" = active ]; }
 serves_again() { (exec 3<> /dev/tcp/127.0.0.1/1883) 2> /dev/null; }
 phase() { [ "$(shows StatusText)" = "$1" ]; }
-unlocked() { ! grep -q "^CapEff:.*[1-9a-f]" "/proc/$(shows MainPID)/status"; }
+powerless() { ! grep -q "^CapEff:.*[1-9a-f]" "/proc/$1/status"; }
 
 law_says() { grep -q -- "$1" <(systemctl show -p StatusText --value dauam-law); }
 law_restarted() { [ "$(systemctl show -p NRestarts --value dauam-law)" -ge 1 ]; }
 refused() { ! "$@"; }
 handed_over() { grep -q "^handed over" <(shows StatusText); }
 
-law_on_the_ground() {
+the_law() {
     step "the law on the ground"
     must "a key" /usr/local/bin/companion law-key /etc/dauam/law.key
     chown root:dauam /etc/dauam/law.key
@@ -117,13 +118,54 @@ law_on_the_ground() {
     must "stop" systemctl stop dauam-law dauam-companion
 }
 
-inside() {
-    systemctl start mock
+page() { systemctl show -p "$1" --value dauam-page; }
+page_restarted() { [ "$(page NRestarts)" = 1 ]; }
+confined() { powerless "$(page MainPID)" && [ "$(ps -o user=,ni= -p "$(page MainPID)" | xargs)" = "dauam 10" ]; }
+# Log in, open the page's WebSocket, command something that the vehicle refuses; print what is heard.
+page_commands() {
+    /opt/dauam/bin/python - << 'END'
+import json, urllib.request
+from websockets.sync.client import connect
+headers = {"Origin": "http://127.0.0.1:8080", "Content-Type": "application/json"}
+login = urllib.request.Request("http://127.0.0.1:8080/login", b'{"password": "beside the net"}', headers)
+cookies = urllib.request.urlopen(login, timeout=10).headers.get_all("set-cookie")
+headers = {"Cookie": "; ".join(one.partition(";")[0] for one in cookies)}
+with connect("ws://127.0.0.1:8080/ws", origin="http://127.0.0.1:8080", additional_headers=headers) as page:
+    while (heard := json.loads(page.recv(10)))["type"] != "state":
+        pass
+    page.send(json.dumps({"type": "command", "ref": 1, "vehicle": heard["vehicle"], "verb": "hold"}))
+    while (heard := json.loads(page.recv(10)))["type"] not in {"reply", "error"}:
+        pass
+    print(heard["type"], heard.get("answer"), heard.get("text"))
+END
+}
+page_refused() { page_commands 2> /dev/null | grep "^reply refused the vehicle is on the ground"; }
+
+the_page() {
+    step "the page"
+    systemctl start dauam-companion
+    must "the vehicle is there" within 20 phase standby
+    echo "beside the net" | /usr/local/bin/companion page-password /etc/dauam/page.hash
+    chown root:dauam /etc/dauam/page.hash
+    chmod 640 /etc/dauam/page.hash
+    sed -i 's|^# password_file = "/etc/dauam/page.hash" |password_file = "/etc/dauam/page.hash" |' /etc/dauam/page.toml
+    must "it begins" systemctl start dauam-page
+    must "it takes the password, shows the vehicle and passes a command on" within 20 page_refused
+    must "it is nobody's but dauam's, without a capability, and goes after a flight" confined
+    must "it can write nothing" refused nsenter -t "$(page MainPID)" -m touch /etc/dauam/written
+    kill -9 "$(page MainPID)"
+    must "systemd begins it anew" within 20 page_restarted
+    must "it takes the password again" within 20 page_refused
+    must "stop" systemctl stop dauam-page dauam-companion
+    must "it ended as it should" [ "$(page Result)" = success ]
+}
+
+the_vehicle() {
     step "the unit as installed, hardened as it is"
     must "it says itself that it is ready" systemctl start dauam-companion
     must "it finds the vehicle" within 20 phase standby
     must "its control loop runs at FIFO 50" grep -q "FIFO" <(chrt -p "$(shows MainPID)")
-    must "it has no capability" unlocked
+    must "it has no capability" powerless "$(shows MainPID)"
     for helper in $(pgrep -P "$(shows MainPID)"); do
         must "helper $helper has no real-time priority" grep -q "SCHED_OTHER" <(chrt -p "$helper")
     done
@@ -149,17 +191,25 @@ inside() {
     must "the watchdog sees it and begins it anew" within 30 restarted 1
     must "by its signal" logged "watchdog"
     must "stop" systemctl stop dauam-companion
-    law_on_the_ground
-    if [ -x /usr/sbin/mosquitto ]; then
-        step "mosquitto with our drop-in"
-        must "it begins" systemctl start mosquitto
-        kill -9 "$(systemctl show -p MainPID --value mosquitto)"
-        must "it comes back" within 10 serves_again
-    fi
+}
+
+the_broker() {
+    [ -x /usr/sbin/mosquitto ] || return 0
+    step "mosquitto with our drop-in"
+    must "it begins" systemctl start mosquitto
+    kill -9 "$(systemctl show -p MainPID --value mosquitto)"
+    must "it comes back" within 10 serves_again
+}
+
+inside() {
+    systemctl start mock
+    for each in "$@"; do
+        "the_$each"
+    done
 }
 
 if [ "${1:-}" = inside ]; then
-    inside
+    inside "${@:2}"
 elif [ "$(id -u)" != 0 ]; then
     echo "try: this boots a container: say sudo systemd/try.sh" >&2
     exit 2
@@ -167,7 +217,11 @@ elif ! command -v systemd-nspawn > /dev/null; then
     echo "try: systemd-nspawn is missing: say sudo apt-get install systemd-container" >&2
     exit 2
 elif [ "${1:-}" = alone ]; then
-    outside
+    outside "${@:2}"
 else
-    exec unshare --mount "$0" alone
+    for each in "$@"; do
+        [[ $each =~ ^(vehicle|page|law|broker)$ ]] || { echo "try: '$each' is unknown; it is: vehicle, page, law, broker" >&2; exit 2; }
+    done
+    [ $# -gt 0 ] || set -- vehicle page law broker
+    exec unshare --mount "$0" alone "$@"
 fi
