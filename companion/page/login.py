@@ -71,7 +71,7 @@ class Login:
         LOG.info("%s has logged in", peer_of(request))
         answer = JSONResponse({"ok": True})
         cookie = self.sessions.begin(time.monotonic())
-        for name, value, age_s in ((KNOWN, self._browsers.mark(), _KNOWN_S), (COOKIE, cookie, SESSION_S)):
+        for name, value, age_s in ((COOKIE, cookie, SESSION_S), (KNOWN, self._browsers.mark(), _KNOWN_S)):
             answer.set_cookie(
                 name, value, max_age=int(age_s), path="/", secure=self.tls, httponly=True, samesite="strict"
             )

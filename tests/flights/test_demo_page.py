@@ -21,7 +21,7 @@ def logged_in(host: str, token: str) -> str:
     headers = {"content-type": "application/json", "origin": f"http://{host}"}
     asked = urllib.request.Request(f"http://{host}/login", json.dumps({"token": token}).encode(), headers)
     with urllib.request.urlopen(asked, timeout=PATIENCE_S) as answer:
-        return str(answer.headers["set-cookie"]).partition(";")[0]
+        return "; ".join(one.partition(";")[0] for one in answer.headers.get_all("set-cookie"))
 
 
 async def first(page: ClientConnection, fits: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:

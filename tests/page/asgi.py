@@ -101,7 +101,7 @@ class Site:
         text = b"".join(one.get("body", b"") for one in sent if one["type"] == "http.response.body")
         pairs = [(name.decode(), value.decode()) for name, value in start["headers"]]
         cookies = tuple(value.partition(";")[0] for name, value in pairs if name == "set-cookie")
-        return Answered(start["status"], dict(pairs), text, cookies)
+        return Answered(start["status"], dict(reversed(pairs)), text, cookies)  # of two alike, the first
 
     async def log_in(self, peer: str = "192.168.0.7", **fields: object) -> Answered:
         """Return the answer to a login from the page itself."""
