@@ -1,6 +1,6 @@
 """Debian's Chromium, driven by Playwright: one browser for a file of tests, a fresh context for each test."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Literal
 
@@ -22,12 +22,16 @@ JSON.parse = (text) => {
 };
 const note = () => {
   if (window.shownMs === undefined && document.querySelector(".fault")) window.shownMs = performance.now();
-  if (document.body.classList.contains("stale")) window.staleMs ??= performance.now() - window.heardMs;
 };
-addEventListener("DOMContentLoaded", () => new MutationObserver(note).observe(document, {subtree: true, childList: true,
-  attributes: true, attributeFilter: ["class"]}));
+addEventListener("DOMContentLoaded", () =>
+  new MutationObserver(note).observe(document, {subtree: true, childList: true}));
 """
 """Script that notes in the page when messages came and what they led to was shown, ms."""
+
+TURN_MS = 20.0
+"""Real time in which an answer of the server arrives."""
+_MOST_TURNS = 500
+"""Turns for which something is waited for, on a busy computer."""
 
 
 @contextmanager
@@ -69,3 +73,13 @@ def opened(
     real = [one for one in troubles if "WebSocket connection" not in one and "Failed to load resource" not in one]
     if real:
         pytest.fail(f"the page reports: {real}")
+
+
+def turn_until(page: Page, there: Callable[[], bool]) -> None:
+    """Let the time of a page opened `by_hand` pass, 0.1 s at a time, until this is so."""
+    for _ in range(_MOST_TURNS):
+        page.clock.run_for(100)
+        page.wait_for_timeout(TURN_MS)
+        if there():
+            return
+    pytest.fail("what was waited for did not come")

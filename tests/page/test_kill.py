@@ -7,33 +7,24 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.packages import needs
-from tests.page.browser import opened
+from tests.page.browser import TURN_MS, opened, turn_until
 from tests.page.fake_server import FakeServer
 
 pytestmark = [pytest.mark.realtime, needs("chromium")]
-
-_TURN_MS = 20.0
-"""Real time in which an answer of the server arrives."""
-_MOST_TURNS = 500
-"""Turns for which the first state is waited for, on a busy computer."""
 
 
 @contextmanager
 def flying(browser: Browser, one: FakeServer) -> Iterator[Page]:
     one.vehicle().phase = "hold"
     with opened(browser, one.url, "phone", by_hand=True) as page:
-        for _ in range(_MOST_TURNS):
-            wait(page, 200)
-            if page.locator("#phase").text_content() == "hold":
-                break
-        expect(page.locator("#phase")).to_have_text("hold")
+        turn_until(page, lambda: page.locator("#phase").text_content() == "hold")
         yield page
 
 
 def wait(page: Page, time_ms: int) -> None:
     """Let the page's time pass; what the server answers comes after 0.1 s of it."""
     page.clock.run_for(100)
-    page.wait_for_timeout(_TURN_MS)
+    page.wait_for_timeout(TURN_MS)
     page.clock.run_for(time_ms - 100)
 
 
@@ -55,7 +46,7 @@ def slide(page: Page, share: float) -> None:
 
 def confirmed(page: Page, one: FakeServer) -> list[tuple[str, str]]:
     """Return the kills that were commanded, once the server has answered whatever it was asked."""
-    page.wait_for_timeout(3.0 * _TURN_MS)
+    page.wait_for_timeout(3.0 * TURN_MS)
     return [(command["verb"], command.get("nonce", "")) for command in one.commands]
 
 
