@@ -107,10 +107,17 @@ class Results:
 
     def _virtual(self) -> Section:
         rows: list[Row] = [
-            ("yes" if c.compiled else "no", f"{c.times_real:.0f}", f"{c.vehicles}", f"{c.vehicle_s_per_minute:.0f}")
+            (
+                f"{c.side_by_side} side by side" if c.compiled else "no",
+                f"{c.times_real:.0f}",
+                f"{c.command_s:.2f} s",
+                f"{c.vehicles}",
+                f"{c.vehicle_s_per_minute:.0f}",
+            )
             for c in self.virtual
         ]
-        heads = ("compiled", "one flight, times real time", "vehicles of a sweep", "vehicle-seconds a minute")
+        flight = ("one flight, times real time", "companion simulate, processor time")
+        heads = ("compiled", *flight, "vehicles of a sweep", "vehicle-seconds a minute")
         return "Virtual time", heads, rows
 
     def _footprints(self) -> Section:

@@ -1,8 +1,10 @@
 """Groups of commands whose modules are imported only when one of them runs or prints its own --help."""
 
+import gc
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
+from types import ModuleType
 from typing import Any, ClassVar
 
 import typer
@@ -91,11 +93,22 @@ def imported(name: str, entry: Command | Group, before_command: Prepare = lambda
         )(_nothing)
     else:
         module, function = entry.place.split(":")
-        command = getattr(import_module(f"companion.cli.{module}"), function)
+        command = getattr(_module(f"companion.cli.{module}"), function)
         app.command(name, cls=HelpCommand, epilog=epilog, context_settings={**SETTINGS, **entry.settings})(command)
     made = typer.main.get_command(app)
     made.name = name
     return made
+
+
+def _module(name: str) -> ModuleType:
+    """Import a module; the garbage collector, which would look through all that is new a dozen times, waits."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        return import_module(name)
+    finally:
+        if collects:
+            gc.enable()
 
 
 def _nothing() -> None:

@@ -11,12 +11,13 @@ from companion.core.types import Array
 from companion.geometry.traced import Traced
 
 Value = TypeVar("Value")
+_LEAF = (float, bool, np.ndarray, np.generic, Traced)
 
 
 def mapped(value: Value, leaf: Callable[[str, Any], Any], path: str = "") -> Value:
     """Return a copy with `leaf(path, number or array)` in place of every number; names and counts stay."""
     made: Any = value
-    if isinstance(value, float | bool | np.ndarray | np.generic | Traced):
+    if isinstance(value, _LEAF):
         made = leaf(path, value)
     elif isinstance(value, tuple):
         parts = [mapped(part, leaf, f"{path}.{index}") for index, part in enumerate(value)]
@@ -35,9 +36,18 @@ def _fields(value: object) -> Iterator[tuple[str, Any]]:
 
 def leaves(value: object) -> list[tuple[str, Any]]:
     """Return all numbers and arrays of numbers with their paths."""
-    found: list[tuple[str, Any]] = []
-    mapped(value, lambda path, number: found.append((path.lstrip("."), number)))
-    return found
+    return list(_leaves(value, ""))
+
+
+def _leaves(value: object, path: str) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, _LEAF):
+        yield path.lstrip("."), value
+    elif isinstance(value, tuple):
+        for index, part in enumerate(value):
+            yield from _leaves(part, f"{path}.{index}")
+    elif hasattr(value, "__dict__") and not isinstance(value, type):
+        for name, part in _fields(value):
+            yield from _leaves(part, f"{path}.{name}")
 
 
 def flat(value: object, like: object, lead: tuple[int, ...] = ()) -> Array:
@@ -52,5 +62,6 @@ def flat(value: object, like: object, lead: tuple[int, ...] = ()) -> Array:
         own = bool(lead) and array.size > size
         each |= own
         columns.append(array.reshape(-1 if own else 1, size))
-    rows = prod(lead) if each else 1
-    return np.concatenate([np.broadcast_to(column, (rows, column.shape[1])) for column in columns], axis=1)
+    if each:
+        columns = [np.broadcast_to(column, (prod(lead), column.shape[1])) for column in columns]
+    return np.concatenate(columns, axis=1)
