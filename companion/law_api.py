@@ -4,6 +4,7 @@ from companion.control.controller import ControlInput, Controller, ControlOutput
 from companion.control.delay_predictor import Predictor, PredictorMemory
 from companion.control.gains import Gains, Positive
 from companion.core.types import Array
+from companion.geometry.array_math import by_axis, dot, length, math_module, times, where
 
 __all__ = [
     "Array",
@@ -17,4 +18,10 @@ __all__ = [
     "SeededLaw",
     "TwoHalves",
     "VehicleModel",
+    "by_axis",
+    "dot",
+    "length",
+    "math_module",
+    "times",
+    "where",
 ]

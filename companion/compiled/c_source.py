@@ -13,6 +13,7 @@ import numpy as np
 
 from companion.compiled.leaves import leaves, mapped
 from companion.geometry.traced import Traced
+from companion.geometry.traced_array import as_traced
 
 _INFIX = {"+", "-", "*", "/"}
 _COMPARED = {"<", "<=", ">", ">=", "==", "!="}
@@ -115,7 +116,7 @@ def _symbols(argument: str, example: object) -> object:
         for index in np.ndindex(array.shape):
             inputs[index] = Traced.of("input", name=f"{argument}[{count}]")
             count += 1
-        return inputs if isinstance(number, np.ndarray) else inputs.item()
+        return as_traced(inputs) if isinstance(number, np.ndarray) else inputs.item()
 
     return mapped(example, symbol)
 

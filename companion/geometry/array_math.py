@@ -16,6 +16,7 @@ import numpy as np
 
 from companion.core.types import Array, Flag, Scalar
 from companion.geometry.traced import TRACED_MATHS, Traced
+from companion.geometry.traced_array import as_traced, traced_where
 
 Components = tuple[float, ...] | Array
 """Vector as a tuple of floats for one vehicle, as an array (..., n) for a batch."""
@@ -36,6 +37,7 @@ class MathModule(Protocol):
     atan: Callable[[Scalar], Scalar]
     atan2: Callable[[Scalar, Scalar], Scalar]
     exp: Callable[[Scalar], Scalar]
+    expm1: Callable[[Scalar], Scalar]
     tanh: Callable[[Scalar], Scalar]
     copysign: Callable[[Scalar, Scalar], Scalar]
     isfinite: Callable[[Scalar], Flag]
@@ -63,11 +65,17 @@ def unstack(vector: Array) -> list[Scalar]:
     return [vector[..., i] for i in range(vector.shape[-1])]
 
 
+def _vector(components: Iterable[Scalar]) -> Array:
+    """Return the components of one vehicle as an array."""
+    vector = np.array(components)
+    return vector if vector.dtype.char == "d" else as_traced(vector)
+
+
 def stack(*components: Scalar) -> Array:
     """Return the vector (..., n) of these components; in a batch the first one must have the full shape."""
     first = components[0]
     if not isinstance(first, np.ndarray):
-        return np.array(components)
+        return _vector(components)
     vector = np.empty((*first.shape, len(components)))  # np.stack takes twice as long
     for axis, component in enumerate(components):
         vector[..., axis] = component
@@ -84,7 +92,7 @@ def columns(vector: Array) -> list[Scalar]:
 
 def as_column(component: Scalar) -> Array:
     """Return one of `columns` as an array, (..., 1)."""
-    return component if isinstance(component, np.ndarray) else np.array((component,))
+    return component if isinstance(component, np.ndarray) else _vector((component,))
 
 
 @overload
@@ -108,14 +116,14 @@ def by_axis(formula: Formula, first: Array, *others: Array) -> Array:
     """
     if first.ndim > 1:
         return np.asarray(formula(first, *others))
-    return np.array([*map(formula, first.tolist(), *[vector.tolist() for vector in others])])
+    return _vector([*map(formula, first.tolist(), *[vector.tolist() for vector in others])])
 
 
 def all_by_axis(formula: Formulas, first: Array, *others: Array) -> Iterable[Array]:
     """Apply a formula as `by_axis` does, for one that returns several numbers per axis."""
     if first.ndim > 1:
         return cast(Iterable[Array], formula(first, *others))
-    return map(np.array, zip(*map(formula, first.tolist(), *[vector.tolist() for vector in others]), strict=True))
+    return map(_vector, zip(*map(formula, first.tolist(), *[vector.tolist() for vector in others]), strict=True))
 
 
 def along_axes(formula: Formulas, first: Components, *others: Components) -> Iterable[Components]:
@@ -146,7 +154,7 @@ def dots(a: Array, b: Array) -> Array:
     """Return the scalar products of row after row of two matrices (..., n, m), shape (..., n)."""
     if a.ndim > 2 or b.ndim > 2:
         return np.asarray(np.vecdot(a, b))
-    return np.array([*map(_summed, a.tolist(), b.tolist())])
+    return _vector([*map(_summed, a.tolist(), b.tolist())])
 
 
 def times(matrix: Array, vector: Array) -> Array:
@@ -154,7 +162,7 @@ def times(matrix: Array, vector: Array) -> Array:
     if matrix.ndim > 2 or vector.ndim > 1:
         return np.asarray(np.vecdot(matrix, vector[..., None, :]))
     row = vector.tolist()
-    return np.array([_summed(column, row) for column in matrix.tolist()])
+    return _vector([_summed(column, row) for column in matrix.tolist()])
 
 
 def _summed(a: list[Scalar], b: list[Scalar]) -> Scalar:
@@ -175,11 +183,8 @@ def where(condition: Flag, if_true: Scalar | Flag, if_false: Scalar | Flag) -> S
     if isinstance(condition, np.ndarray):
         return np.where(condition, if_true, if_false)
     if isinstance(condition, _TRACED):
-        return _traced_where(condition, if_true, if_false)
+        return cast(Scalar, traced_where(condition, if_true, if_false))
     return if_true if condition else if_false
-
-
-_traced_where = cast(Callable[..., Scalar], np.frompyfunc(lambda *operands: Traced.of("where", *operands), 3, 1))
 
 
 def where_each(condition: Flag, if_true: Value, if_false: Value) -> Value:

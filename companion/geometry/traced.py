@@ -47,6 +47,10 @@ class Traced:
         """Return `if_true` where this holds, else `if_false`."""
         return Traced.of("where", self, if_true, if_false)
 
+    def sqrt(self) -> "Traced":
+        """Return the root; numpy calls this for a number that is an object."""
+        return Traced.of("sqrt", self)
+
     def __bool__(self) -> bool:
         raise TypeError("a traced number has no value to branch on: say `where`")
 
@@ -137,6 +141,6 @@ def _named(name: str) -> Callable[..., Traced]:
     return lambda *operands: Traced.of(name, *operands)
 
 
-_NAMES = ("sqrt", "sin", "cos", "tan", "atan", "atan2", "exp", "tanh", "copysign", "isfinite")
+_NAMES = ("sqrt", "sin", "cos", "tan", "atan", "atan2", "exp", "expm1", "tanh", "copysign", "isfinite")
 TRACED_MATHS = SimpleNamespace(**{name: _named(name) for name in _NAMES})
 """Functions that `math` has for floats, for traced numbers."""

@@ -6,6 +6,7 @@ Equal builds give equal results, to the last bit.
 import hashlib
 import math
 import platform
+import shutil
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -67,9 +68,15 @@ def this_build() -> Build:
         source=_source(),
         python=".".join(platform.python_version_tuple()[:2]),
         numpy=np.__version__,
-        engine="Python alone" if library() is None else "the compiled law",
+        engine=_engine(),
         arithmetic=_arithmetic(),
     )
+
+
+def _engine() -> str:
+    if library() is None:
+        return "Python alone"
+    return "the compiled law" if shutil.which("cc") else "the compiled law, but no compiler for others"
 
 
 def _source() -> str:

@@ -2,6 +2,7 @@
 
 import ctypes
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,8 +18,11 @@ from companion.control.horizon_correction import HorizonRules
 from companion.control.network import initial_network
 from companion.control.pipeline import idle_setpoint
 from companion.core.types import Array
+from companion.geometry.attitude import ThrustModel
 from companion.geometry.frames import flip_quat
+from companion.guard.limits import Limits
 from companion.simulation.mission import Mission, References
+from companion.simulation.traced_laws import SURROUNDINGS, WORTH_COMPILING, Surroundings, code_of
 from companion.simulation.traces import Law, carrier_of, example_law
 from companion.simulation.virtual_world import STEP_S, VirtualVehicle, hover_signal, hovering, steps_of
 from mock_autopilot.physics.arms import Coupling
@@ -55,11 +59,11 @@ def fly(
     A row is true position (m) and velocity (m/s), the command (m/s^2), and 1 at an event and where a setpoint was sent.
     A single vehicle is left to Python when a frame would not simply be accepted.
     """
-    loaded, lead = library(), mission.lead
-    law = _law_of(pilot)
-    if loaded is None or law is None or not _fits(vehicle):
+    lead = mission.lead
+    code = _code_of(pilot.law, pilot.thrust, pilot.limits, len(seeds))
+    if isinstance(code, str) or pilot.ground is not None or not _fits(vehicle):
         return None
-    flights = _Flights(loaded, pilot, law, vehicle=vehicle, mission=mission, seeds=seeds)
+    flights = _Flights(code, pilot, vehicle=vehicle, mission=mission, seeds=seeds)
     rows = np.empty((len(seeds), ROW, len(mission.time_s)))
     count, _, cycles = rows.shape
     if not lead and flights.fly_one(rows[0]) < cycles:
@@ -74,16 +78,44 @@ def fly(
     return rows
 
 
-def _law_of(pilot: Any) -> Law | None:
-    """Return the law's parameters; None for a law that is not compiled."""
-    law: Controller = pilot.law
-    if type(law) is not Etnn or law.predictor is None or law.gains.hidden != EtnnGains().hidden or pilot.ground:
-        return None
-    lookahead = lookahead_of(law.predictor)
-    return (
-        None
-        if lookahead is None
-        else Law(gains=law.gains, lookahead=lookahead, model=pilot.thrust, limits=pilot.limits)
+@dataclass(frozen=True, kw_only=True)
+class _Code:
+    """Compiled code that flies a law, and the numbers of the law that it takes."""
+
+    one: ctypes.CDLL
+    together: ctypes.CDLL | None
+    law: object
+    like: object
+    network: Array
+
+
+def engine_of(law: Controller, vehicles: int) -> str:
+    """Return in words what flies so many vehicles with a law on board."""
+    code = _code_of(law, ThrustModel(), Limits(), vehicles)
+    return f"in Python ({code})" if isinstance(code, str) else "compiled"
+
+
+def _code_of(law: Controller, model: ThrustModel, limits: Limits, vehicles: int) -> _Code | str:
+    """Return what flies a law; why it has to be Python, where it is not compiled."""
+    loaded = library()
+    if loaded is None:
+        return "nothing is compiled here"
+    if type(law) is not Etnn:
+        if vehicles < WORTH_COMPILING:
+            return f"a law is compiled for {WORTH_COMPILING} vehicles or more"
+        traced, around = code_of(law), Surroundings(model=model, limits=limits)
+        if isinstance(traced, str):
+            return traced
+        return _Code(one=traced, together=None, law=around, like=SURROUNDINGS, network=np.zeros(1))
+    lookahead = None if law.predictor is None else lookahead_of(law.predictor)
+    if lookahead is None or law.gains.hidden != EtnnGains().hidden:
+        return "the compiled ET-NN has a prediction over few commands, and four hidden neurons"
+    return _Code(
+        one=loaded,
+        together=side_by_side(),
+        law=Law(gains=law.gains, lookahead=lookahead, model=model, limits=limits),
+        like=example_law(),
+        network=np.concatenate([part.ravel() for part in vars(initial_network(law.gains)).values()]),
     )
 
 
@@ -97,9 +129,8 @@ class _Flights:
 
     def __init__(
         self,
-        loaded: ctypes.CDLL,
+        code: _Code,
         pilot: Any,
-        law: Law,
         vehicle: VirtualVehicle,
         mission: Mission,
         seeds: Sequence[int],
@@ -107,11 +138,11 @@ class _Flights:
         self._pilot, self._vehicle, self._lead = pilot, vehicle, mission.lead
         self._cycles, self._per_cycle = len(mission.time_s), round(pilot.period_s / STEP_S)
         self._steps = self._cycles * self._per_cycle
-        self._law = self._flat(law, example_law())
+        self._law = self._flat(code.law, code.like)
         self._params = self._flat(pilot.estimator, pilot.estimator)
         self._rules = self._flat(pilot.horizon, HorizonRules())
         self._carrier, self._airframe = self._bodies(mission.now.position_w_m[0] + vehicle.offset_w_m)
-        self._network = np.concatenate([part.ravel() for part in vars(initial_network(pilot.law.gains)).values()])
+        self._network = code.network
         self._steady = steady_series(vehicle.forces, STEP_S, self._steps)
         self._ahead = _columns(mission.ahead, self._lead)
         self._known = None if pilot.feedforward_b_mps2 is None else _each(pilot.feedforward_b_mps2)
@@ -121,8 +152,8 @@ class _Flights:
             columns = (table.moment, table.momentum, table.force, table.torque)
             self._arms = np.ascontiguousarray(np.concatenate([column[: self._steps] for column in columns], axis=-1))
         self._yaw_rad = np.broadcast_to(mission.now.yaw_rad[0], self._lead or (1,))
-        self._loaded, self._batch = loaded, side_by_side()
-        self._generators(seeds, loaded)
+        self._loaded, self._batch = code.one, code.together
+        self._generators(seeds, code.one)
         self._signal = hover_signal(vehicle.plant, self._lead)
         self.width = 1 if self._batch is None or not self._lead else int(self._batch.width())
         """Vehicles that fly side by side."""

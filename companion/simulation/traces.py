@@ -7,7 +7,7 @@ returns is named, so that flight.c can pass it on. `python -m companion.simulati
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import cast
+from typing import Protocol, cast
 
 import numpy as np
 
@@ -62,35 +62,35 @@ class Filters:
 class Held:
     """Memory of the pipeline."""
 
-    law: EtnnMemory
+    law: object
     setpoint: AttitudeThrust
     yaw_rad: Scalar
     arm_accel_w_mps2: Array
     disturbance: Disturbance
 
 
-class _Pipeline(ControlPipeline):
+class Pipeline(ControlPipeline):
     """Pipeline whose memory can be set."""
-
-    def __init__(self, gains: EtnnGains, lookahead: Lookahead, model: ThrustModel, limits: Limits) -> None:
-        self._law = Etnn(gains, NumberedPredictor(lookahead))
-        super().__init__(self._law, model, limits)
 
     def _warm_up(self) -> None:
         self.forget()
 
     def begin(self, first: ControlInput, network: NetworkState) -> Held:
-        law = replace(self._law.initial(first), network=network)
+        """Return the memory at lift-off; ET-NN's with this network."""
+        law = self._controller.initial(first)
+        if isinstance(law, EtnnMemory):
+            law = replace(law, network=network)
         return Held(law, AttitudeThrust(_LEVEL, np.zeros(())), 0.0, np.zeros(3), no_disturbance(first))
 
     def hold(self, memory: Held) -> None:
+        """Go on from this memory."""
         self._memory, self._law_setpoint, self._yaw_rad = memory.law, memory.setpoint, memory.yaw_rad
         self._sent_arm_accel_w_mps2, self._disturbance = memory.arm_accel_w_mps2, memory.disturbance
 
     def held(self) -> Held:
+        """Return the memory."""
         assert self._law_setpoint is not None
         assert self._disturbance is not None
-        assert isinstance(self._memory, EtnnMemory)
         arms, disturbance = self._sent_arm_accel_w_mps2, self._disturbance
         return Held(self._memory, self._law_setpoint, self._yaw_rad, arms, disturbance)
 
@@ -115,9 +115,9 @@ class Law:
     model: ThrustModel
     limits: Limits
 
-    def pipeline(self) -> _Pipeline:
+    def pipeline(self) -> Pipeline:
         """Return the pipeline that flies it."""
-        return _Pipeline(self.gains, self.lookahead, self.model, self.limits)
+        return Pipeline(Etnn(self.gains, NumberedPredictor(self.lookahead)), self.model, self.limits)
 
 
 def begin_estimate(pose: Numbers, params: EstimatorParams) -> dict[str, object]:
@@ -144,14 +144,21 @@ def estimate(before: Filters, pose: Numbers, dt_s: float, params: EstimatorParam
     }
 
 
-def begin_law(given: Given, law: Law, dt_s: float, network: NetworkState) -> dict[str, object]:
+class Flown(Protocol):
+    """Parameters of a law, of the conversion and of the limits."""
+
+    def pipeline(self) -> Pipeline:
+        """Return the pipeline that flies it."""
+
+
+def begin_law(given: Given, law: Flown, dt_s: float, network: NetworkState) -> dict[str, object]:
     """Return the pipeline's memory at lift-off."""
     known = turned(given.state.q_w_flu_wxyz, given.known_accel_b_mps2)
     first = law.pipeline()._given(given.state, given.age_s, given.ahead, given.last, dt_s, known)
     return {"after": law.pipeline().begin(first, network)}
 
 
-def fly(memory: Held, given: Given, law: Law, dt_s: float) -> dict[str, object]:
+def fly(memory: Held, given: Given, law: Flown, dt_s: float) -> dict[str, object]:
     """Run one cycle of law, conversion and limits."""
     pipeline, known = law.pipeline(), turned(given.state.q_w_flu_wxyz, given.known_accel_b_mps2)
     pipeline.hold(memory)
@@ -373,8 +380,8 @@ def assembly_numbers(assembly: Assembly) -> Assembly:
     return replace(assembly, direction=tuple(map(float, assembly.direction)))  # type: ignore[arg-type]
 
 
-def functions() -> list[CFunction]:
-    """Trace everything that is compiled."""
+def functions(flown: Flown | None = None) -> list[CFunction]:
+    """Trace everything that is compiled, with ET-NN or another law."""
     zero, level, three, four = np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0)), (0.0,) * 3, (0.0,) * 4
     pose, params = (0.0,) * 12, EstimatorParams()
     covariance = kalman.Covariance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -387,9 +394,9 @@ def functions() -> list[CFunction]:
         last=setpoint,
         known_accel_b_mps2=zero,
     )
-    law, network = example_law(), initial_network(EtnnGains())
+    law, network = flown or example_law(), initial_network(EtnnGains())
     first = law.pipeline()._given(state, 0.0, given.ahead, setpoint, 0.01, zero)
-    memory = law.pipeline().begin(first, network)
+    memory, of_etnn = law.pipeline().begin(first, network), example_law().pipeline().begin(first, network).law
     sending = Sending(
         setpoint=setpoint,
         is_new=False,
@@ -415,8 +422,8 @@ def functions() -> list[CFunction]:
         traced("estimate", estimate, before=filters, pose=pose, dt_s=0.01, params=params),
         traced("begin_law", begin_law, given=given, law=law, dt_s=0.01, network=network),
         traced("fly", fly, memory=memory, given=given, law=law, dt_s=0.01, fixed=("law", "dt_s")),
-        traced("decide", decide, memory=memory.law, now=first, gains=EtnnGains(), lookahead=NO_LOOKAHEAD),
-        traced("settle", settle, memory=memory.law, halfway=Halfway(zero, zero, zero, zero, 0.01), gains=EtnnGains()),
+        traced("decide", decide, memory=of_etnn, now=first, gains=EtnnGains(), lookahead=NO_LOOKAHEAD),
+        traced("settle", settle, memory=of_etnn, halfway=Halfway(zero, zero, zero, zero, 0.01), gains=EtnnGains()),
         traced(
             "send",
             send,
@@ -464,9 +471,8 @@ def example_law() -> Law:
     return Law(gains=EtnnGains(), lookahead=NO_LOOKAHEAD, model=ThrustModel(), limits=Limits())
 
 
-def source() -> str:
-    """Return the C source of all functions."""
-    traces = functions()
+def source(traces: list[CFunction]) -> str:
+    """Return the C source of these functions."""
     parts = [_HEAD, *(trace.layout for trace in traces), "", *(trace.source for trace in traces)]
     return "\n".join(parts)
 
@@ -477,7 +483,7 @@ _HEAD = """/* Written by `python -m companion.simulation.traces` from the Python
 
 def main() -> None:
     """Write traced.c; with --check only say whether it is what would be written."""
-    fresh = source()
+    fresh = source(functions())
     if "--check" not in sys.argv:
         SOURCE.write_text(fresh, encoding="utf-8")
     elif SOURCE.read_text(encoding="utf-8") != fresh:

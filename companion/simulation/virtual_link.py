@@ -8,10 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.core.interfaces import ConfigError
 from companion.core.types import Array, Mask
 from mock_autopilot.impairment.bursts import Bursts
 from mock_autopilot.impairment.direction import OVERTAKEN_WITHIN_S, QUEUE_S, SLACK_S
 from mock_autopilot.impairment.model import Impairment
+from mock_autopilot.impairment.sentences import Directions, ImpairmentError, parse_directions
 
 Numbers = NDArray[np.int64]
 
@@ -97,3 +99,18 @@ def _in_burst(one: Impairment, seed: int, cycles: int, period_s: float) -> Mask:
         return np.zeros(cycles, dtype=bool)
     bursts = Bursts(one.burst_share, one.burst_s, seed)
     return np.array([bursts.covers(cycle * period_s) for cycle in range(cycles)])
+
+
+def radio_named(sentence: str | None) -> Directions:
+    """Return the impairments of both directions, none without a sentence; ConfigError for one that is none."""
+    if sentence is None:
+        return Directions()
+    try:
+        return parse_directions(sentence)
+    except ImpairmentError as error:
+        raise ConfigError(f"--link {sentence!r}: {error}") from None
+
+
+def words_of(radio: Directions) -> str:
+    """Return the sentence of a radio."""
+    return str(radio.up) if radio.up == radio.down else f"up {radio.up}; down {radio.down}"

@@ -17,7 +17,7 @@ from companion.simulation import compiled_flight
 from companion.simulation.mission import stacked
 from companion.simulation.scene import Scene
 from companion.simulation.simulation import Trace, simulate, simulate_in_python
-from companion.simulation.traces import SOURCE, source
+from companion.simulation.traces import SOURCE, functions, source
 from companion.simulation.virtual_world import VirtualVehicle
 from companion.studies.sweep.sweep_vehicles import draw, vehicles
 from mock_autopilot.px4.attitude_error import AttitudeErrorParams
@@ -43,7 +43,7 @@ def columns(trace: Trace) -> dict[str, Any]:
 
 
 def test_the_c_source_is_what_the_python_says() -> None:
-    assert SOURCE.read_text(encoding="utf-8") == source()
+    assert SOURCE.read_text(encoding="utf-8") == source(functions())
 
 
 @pytest.mark.parametrize(

@@ -13,10 +13,10 @@ from companion.guard.limits import Limits
 from companion.simulation.link_numbers import link_numbers
 from companion.simulation.metrics import score
 from companion.simulation.mission import stacked
-from companion.simulation.radio import radio_named
 from companion.simulation.scene import Scene
 from companion.simulation.simulation import Trace, simulate, simulate_in_python
 from companion.simulation.virtual_ground import HeldCommand
+from companion.simulation.virtual_link import radio_named
 from companion.simulation.virtual_record import one_of
 from companion.trajectories.reference import Ellipse, LapTiming
 from tests.control.test_pipeline import VEHICLE

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.simulation.radio import radio_named
-from companion.simulation.virtual_link import NONE, Direction, newest
+from companion.simulation.virtual_link import NONE, Direction, newest, radio_named
 from companion.simulation.virtual_link_ends import BYTES, Kind, LinkEnds, LinkTiming, Messages, measured_up_age_s
 from mock_autopilot.impairment.sentences import parse
 from tests.simulation.real_ends import PERIOD_S, RealEnds

@@ -10,8 +10,8 @@ from companion.config.controller_config import ErrorLimits
 from companion.config.locations import project_root
 from companion.core.types import Array
 from companion.simulation.metrics import Score
-from companion.simulation.radio import radio_named
 from companion.simulation.scene import load_scene
+from companion.simulation.virtual_link import radio_named
 from companion.studies.paper.ablations import Ablation
 from companion.studies.paper.campaign import Flown, Item, fly, label_of, numbers_of, variants_of, whole_items
 from companion.studies.paper.campaign_table import ablation_grid, comparison, events, summary

@@ -25,8 +25,8 @@ from companion.config.controller_config import controller_path
 from companion.config.locations import project_root
 from companion.config.text_files import read_text
 from companion.core.interfaces import ConfigError
-from companion.simulation.radio import radio_named, words_of
 from companion.simulation.scene import HorizonError, experiment_names
+from companion.simulation.virtual_link import radio_named, words_of
 from companion.simulation.workers import Backend, in_parallel
 from companion.studies.paper import campaign_table as words
 from companion.studies.paper.campaign import (

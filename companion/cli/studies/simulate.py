@@ -34,9 +34,9 @@ from companion.control.law_check import in_flight
 from companion.core.interfaces import ConfigError
 from companion.simulation.demo_scene import demo_scene, load_mock
 from companion.simulation.mission import stacked
-from companion.simulation.radio import radio_named
 from companion.simulation.scene import HorizonError, Scene, load_scene
 from companion.simulation.simulation import simulate as fly
+from companion.simulation.virtual_link import radio_named
 from companion.studies.paper.ablations import Ablation, load_ablated
 from companion.trajectories.room_check import check_trajectory
 

@@ -20,7 +20,7 @@ from companion.cli.studies.backend import Fresh, Jobs, OnCluster, backend_of
 from companion.cli.terminal import numbers_table, progress_bar
 from companion.config.controller_config import controller_path
 from companion.config.locations import project_root
-from companion.simulation.radio import radio_named, words_of
+from companion.simulation.virtual_link import radio_named, words_of
 from companion.simulation.workers import Backend
 from companion.studies.sweep.sweep import ERROR, Columns, Sweep
 from companion.studies.sweep.sweep_numbers import (
@@ -73,6 +73,7 @@ def sweep(
         )
         raise typer.Exit(INTERRUPTED) from None
     _report(console, swept)
+    console.print(f"{escape(controller)} flew {escape(swept.engine)}", highlight=False, soft_wrap=True)
     _keep(console, plan, swept.columns, out)
     if summary is not None:
         text = json.dumps(_summary(plan, swept), indent=2, allow_nan=False)

@@ -17,7 +17,7 @@ from companion.control.gains import Positive
 from companion.control.peers.outer_loop import FeedbackGains, FeedbackLaw, LoopMemory, Sight
 from companion.core.types import Array, Scalar
 from companion.core.values import value
-from companion.geometry.array_math import where_each
+from companion.geometry.array_math import math_module, where_each
 
 
 class L1Gains(FeedbackGains):
@@ -82,7 +82,8 @@ class L1Adaptive(FeedbackLaw[L1Memory]):
         acting = 0.5 * (before.acting + rotors)
         velocity = before.velocity + step_s * (acting + before.sigma - self.gains.predictor_radps * before.error)
         error = velocity - now.velocity_w_mps
-        share = -np.expm1(-self.gains.filter_radps * now.dt_s)
+        turn = -self.gains.filter_radps * now.dt_s
+        share = -math_module(turn).expm1(turn)
         filtered = before.filtered + share * (before.sigma - before.filtered)
         sigma = -self._gain * error
         filtered_now = before.filtered + share * (sigma - before.filtered)

@@ -7,7 +7,7 @@ import numpy as np
 
 from companion.analysis.report.tables import BAD, FAINT, GOOD, PLAIN, WORDS, Cell, Grid
 from companion.core.types import Array
-from companion.simulation.radio import words_of
+from companion.simulation.virtual_link import words_of
 from companion.studies.paper.ablations import Ablation
 from companion.studies.paper.campaign import BASELINE, Flown, label_of, numbers_of
 from companion.studies.paper.paper_table import PAPER, PID_WITHIN, PaperExperiment, beside_paper, reduced_percent

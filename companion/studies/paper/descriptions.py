@@ -8,8 +8,8 @@ from companion.arms.model import CHAIN, JOINTS_PER_ARM, KINDS
 from companion.config.arms_config import Feedforward
 from companion.core.paper_vehicle import GRAVITY_MPS2
 from companion.core.types import Array
-from companion.simulation.radio import words_of
 from companion.simulation.scene import Scene, arm_feedforward_b_mps2
+from companion.simulation.virtual_link import words_of
 from mock_autopilot.impairment.sentences import Directions
 from mock_autopilot.physics.disturbance import Sinusoid
 

@@ -18,9 +18,9 @@ from companion.core.interfaces import CompanionError
 from companion.simulation.link_numbers import LinkNumbers, link_numbers
 from companion.simulation.metrics import Score, score
 from companion.simulation.mission import stacked
-from companion.simulation.radio import radio_named
 from companion.simulation.scene import Scene
 from companion.simulation.simulation import Trace, simulate
+from companion.simulation.virtual_link import radio_named
 from companion.simulation.virtual_record import one_of
 from companion.simulation.workers import Backend, in_parallel
 from companion.studies.paper.ablations import Ablation

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from companion.config.controller_config import ControllerFiles, load_controller, read_controller
+from companion.simulation.compiled_flight import engine_of
 from companion.simulation.kept_results import KeptResults
-from companion.simulation.radio import radio_named
 from companion.simulation.scene import Scene, load_scene
+from companion.simulation.virtual_link import radio_named
 from companion.simulation.workers import Backend, report, workers
 from companion.studies.sweep.sweep import Batch, Columns, Sweep, fly, joined
 
@@ -31,6 +32,8 @@ class Swept:
     """Duration of this run."""
     vehicle_seconds: float
     """Virtual time that this run flew, over all vehicles."""
+    engine: str
+    """Code that flies such a batch here, in words."""
 
 
 @dataclass(frozen=True)
@@ -49,7 +52,7 @@ class Parts:
         self._kept, files = KeptResults(folder, fresh), read_controller(sweep.controller)
         scenes = {kind: _scene(*kind, sweep.link) for kind in sweep.kinds}
         for scene in scenes.values():
-            load_controller(files, scene.vehicle_model(), scene.period_s)
+            self.law = load_controller(files, scene.vehicle_model(), scene.period_s).law
         self.jobs = [Job(batch, scenes[batch.experiment, batch.nominal_radps], files) for batch in sweep.batches()]
 
     @property
@@ -77,11 +80,13 @@ def run(sweep: Sweep, folder: Path, backend: Backend, fresh: bool, progress: Cal
     parts = Parts(sweep, folder, fresh)
     found = parts.read()
     taken_over = sum(len(columns["vehicle"]) for columns in found.values())
+    on_ground = sweep.link is not None
+    engine = "in Python (on the ground)" if on_ground else engine_of(parts.law, len(parts.jobs[0].batch.indices))
     progress(taken_over)
     with workers(backend, _ADVICE, folder, fresh) as crew:
         done = crew.in_order(fly_job, parts.jobs, lambda flown: progress(taken_over + flown))
     vehicle_s = sum(float(one["flight_s"].sum()) for number, one in enumerate(done) if number not in found)
-    return Swept(joined(done), taken_over, time.perf_counter() - began_s, vehicle_s)
+    return Swept(joined(done), taken_over, time.perf_counter() - began_s, vehicle_s, engine)
 
 
 def fly_job(job: Job) -> Columns:
