@@ -18,7 +18,7 @@ SWING = np.array([0.4, -0.5, 0.3, 0.2, 0.3, -0.6, 0.2, 0.1])
 
 
 def drive(swing: Callable[[np.ndarray], np.ndarray]) -> Drive:
-    """What `table_of` asks for: all joints differently, from the stowed pose on."""
+    """Return the drive that `table_of` asks for: all joints differently, from the stowed pose on."""
     asked: list[Drive] = []
 
     def remember(one: Drive) -> np.ndarray:
