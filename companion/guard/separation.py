@@ -21,6 +21,11 @@ _DRIFTS_AFTER_S, _DRIFT_MPS2, _DRIFT_M = 0.3, 0.25, 3.0
 PX4 lands it by an estimate of the position that gets worse, or by none: the wind drives it, 2.6 m in the five seconds
 from a height of 2.3 m to the floor.
 """
+_LEFT_ALONE_S = 0.6
+"""Time for which an acceleration sideways towards another vehicle may last whatever is commanded next.
+
+PX4 keeps the last setpoint until it takes the link for lost (COM_OF_LOSS_T) and lands.
+"""
 _ON_AXIS_M = 1e-3
 """Horizontal distance below which no direction leads away from the other."""
 
@@ -168,7 +173,11 @@ class Separation:
         if drift_m == 0.0 and above_m - sinks_m - self.stop_m(climb) > beside_m - comes_m - self.stop_m(closing):
             return self._floor(above_m, sinks_m, climb, acting[2] * up, up)
         left_m = max(beside_m, -_DEEPEST_M) - comes_m
-        return Wall(nx, ny, self._most_mps2(left_m, closing, acting[0] * nx + acting[1] * ny))
+        acting_mps2 = acting[0] * nx + acting[1] * ny
+        most_mps2 = self._most_mps2(left_m, closing, acting_mps2)
+        if most_mps2 > 0.0:
+            most_mps2 = min(most_mps2, max(self._most_mps2(left_m, closing, acting_mps2, _LEFT_ALONE_S), 0.0))
+        return Wall(nx, ny, most_mps2)
 
     def _floor(
         self, above_m: float, sinks_m: float, climb_mps: float, acting_mps2: float, up: float
@@ -176,11 +185,11 @@ class Separation:
         most = self._most_mps2(max(above_m, -_DEEPEST_M) - sinks_m, climb_mps, acting_mps2)
         return (-math.inf, most) if up > 0.0 else (-most, math.inf)
 
-    def _most_mps2(self, left_m: float, speed_mps: float, acting_mps2: float) -> float:
+    def _most_mps2(self, left_m: float, speed_mps: float, acting_mps2: float, lasts_s: float = 0.0) -> float:
         """Return the most acceleration towards the other, after the one that acts has acted (Fence)."""
         for_s = lead_s(self.reaction_s)
         left_m -= (speed_mps + 0.5 * acting_mps2 * for_s) * for_s
-        return most_accel_mps2(left_m, speed_mps + acting_mps2 * for_s, for_s, self.braking_mps2)
+        return most_accel_mps2(left_m, speed_mps + acting_mps2 * for_s, lasts_s or for_s, self.braking_mps2)
 
 
 def _drift_m(other: OtherVehicle) -> float:

@@ -80,7 +80,7 @@ def test_a_vehicle_stops_after_its_reaction_and_its_brake(speed_mps: float, stop
         (1.65, 1.0, 0.0, 0.0),  # 0.45 m left: what 1 m/s needs after half the reaction, 0.2 + 0.25
         (2.30, 1.0, -1.0, 0.0),  # the other needs 0.65 m of its own
         (1.65, 1.0, 1.0, 0.0),  # one that flies ahead may stop at once: no credit
-        (9.2, 0.0, 0.0, 27.30194),  # as at the fence: 8 = 0.1 u + u^2 / 4
+        (9.2, 0.0, 0.0, 8.48105),  # 8 = 0.3 u + u^2 / 4 after 0.6 s: the autopilot may hear nothing else for so long
     ],
 )
 def test_the_way_left_is_shared_by_what_each_needs_to_stop(
@@ -93,6 +93,23 @@ def test_the_way_left_is_shared_by_what_each_needs_to_stop(
         )
         assert (wall.x, wall.y) == pytest.approx((x, y))
         assert wall.most_mps2 == pytest.approx(most_mps2, abs=1e-4)
+
+
+@given(
+    left_m=st.floats(0.0, 3.0),
+    own_mps=st.floats(-1.5, 1.5),
+    theirs_mps=st.floats(-1.5, 0.0),
+    acting=st.floats(-3.0, 3.0),
+)
+def test_a_vehicle_that_is_left_alone_with_what_the_wall_lets_it_do_can_still_stop(
+    left_m: float, own_mps: float, theirs_mps: float, acting: float
+) -> None:
+    wall = one_wall((1.2 + left_m, 0.0, 0.0), (own_mps, 0.0, 0.0), (theirs_mps, 0.0, 0.0), (acting, 0.0, 0.0))
+    speed_mps = own_mps + 0.2 * acting
+    flown_m = 0.2 * own_mps + 0.02 * acting + 0.6 * speed_mps + 0.18 * wall.most_mps2
+    end_mps = max(speed_mps + 0.6 * wall.most_mps2, 0.0)
+    if wall.most_mps2 > 0.0:
+        assert flown_m + end_mps**2 / 4.0 + CYLINDER.stop_m(-theirs_mps) <= left_m + 1e-9
 
 
 def test_the_acceleration_that_acts_is_counted_for_half_the_reaction() -> None:
