@@ -70,6 +70,8 @@ class FlightRules:
     descent_speed_mps: float = 0.25
     lift_off_m: float = 0.02
     """Height above the ground that counts as flying."""
+    lowest_hold_m: float = 0.3
+    """Height above the ground below which a takeoff that is to hold lands: air that comes back moves a hover there."""
     lift_off_wait_s: float = 1.0
     """Wait for lift-off after the thrust ramp while PX4 reports landed; otherwise the attempt ends with the ramp."""
     quick_ramp: float = 0.8

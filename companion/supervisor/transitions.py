@@ -262,6 +262,12 @@ def append_reason(reason: str, text: str) -> str:
     return f"{reason}; then {text}" if reason else text
 
 
+def _hardly_flies(flight: FlightState, inputs: FlightInputs, rules: FlightRules) -> bool:
+    """Return true for a takeoff that would come to rest just above the ground."""
+    _, rest_w_m = resting_place(reference_at(flight, inputs.time_s), rules.braking_mps2)
+    return flight.phase is Phase.TAKEOFF and rest_w_m[2] - ground_z_m(flight) < rules.lowest_hold_m
+
+
 def execute_action(
     flight: FlightState, inputs: FlightInputs, rules: FlightRules, event: Event, reaction: FailsafeAction
 ) -> FlightState:
@@ -269,9 +275,9 @@ def execute_action(
     changed = replace(flight, level=reaction, cause=event.fault, reason=append_reason(flight.reason, event.text))
     if flight.phase is Phase.RESUME and reaction < FailsafeAction.RELEASE:
         return give_back(changed, inputs)
-    if reaction is FailsafeAction.HOLD:
+    if reaction is FailsafeAction.HOLD and not _hardly_flies(flight, inputs, rules):
         return brake(changed, inputs, rules, Phase.HOLD)
-    if reaction is FailsafeAction.LAND:
+    if reaction in {FailsafeAction.HOLD, FailsafeAction.LAND}:
         return land(changed, inputs, rules)
     if reaction is FailsafeAction.DISARM:
         return stop(changed, inputs)

@@ -30,6 +30,8 @@ def where(condition: Number, if_true: Number, if_false: Number) -> Number:
 
 def where_each(condition: Number, if_true: Any, if_false: Any) -> Any:
     """Return one nested tuple of numbers or the other."""
+    if isinstance(condition, bool):  # one vehicle: nothing to put together number by number
+        return if_true if condition else if_false
     if not isinstance(if_true, tuple):
         return where(condition, if_true, if_false)
     parts = [where_each(condition, *pair) for pair in zip(if_true, if_false, strict=True)]

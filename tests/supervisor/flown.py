@@ -164,7 +164,7 @@ STATES: dict[str, tuple[FlightState, float]] = {
     "armed": (armed(), 0.5),
     "stopping": _hit((armed(), 0.5), Fault.MOCAP_SLOW),
     "spooling up": (spooling(), 1.5),
-    "climbing": (climbing(), 3.0),
+    "climbing": (climbing(), 5.0),
     "hovering": hovering(),
     "approaching": approaching(),
     "tracking": tracking(),

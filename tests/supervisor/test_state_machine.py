@@ -557,6 +557,14 @@ def test_a_hold_that_a_fault_began_lands_when_nobody_answers() -> None:
     assert down.reason == "fence near it is; then hold too long it is"
 
 
+@pytest.mark.parametrize(("climbed_s", "phase"), [(0.1, Phase.LAND), (0.5, Phase.LAND), (2.5, Phase.HOLD)])
+def test_a_takeoff_that_would_hold_just_above_the_ground_lands(climbed_s: float, phase: Phase) -> None:
+    flight, _ = STATES["climbing"]
+    seen = on_reference(flight, flight.leg_start_s + climbed_s)
+    after = advance(flight, with_faults(seen, Fault.FENCE_NEAR), RULES)
+    assert (after.phase, after.cause) == (phase, Fault.FENCE_NEAR)
+
+
 def test_an_operators_own_hold_is_not_timed() -> None:
     flight, time_s = tracking()
     held = apply_request(flight, HoldRequest(), on_reference(flight, time_s), RULES)
