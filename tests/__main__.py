@@ -18,7 +18,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from tests import packages
-from tests.conftest import ALONE
+from tests.conftest import ALONE, runs_alone
 
 _NO_TESTS = 5
 """pytest's exit code where nothing was selected."""
@@ -83,8 +83,8 @@ def _run(folder: Path, only: str, rest: list[str]) -> int:
 
 
 def _with_links() -> list[str]:
-    """Return the files outside ALONE with tests in real time, so that no other is imported to look."""
-    files = (path for path in sorted(Path("tests").rglob("test_*.py")) if not path.as_posix().startswith(ALONE))
+    """Return the files with tests in real time that may run beside a flight, so that no other is imported to look."""
+    files = (path for path in sorted(Path("tests").rglob("test_*.py")) if not runs_alone(path.as_posix()))
     return [str(path) for path in files if "realtime" in path.read_text(encoding="utf-8")]
 
 

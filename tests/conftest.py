@@ -2,6 +2,7 @@
 
 import asyncio
 import gc
+import inspect
 import os
 import signal
 from collections.abc import AsyncIterator
@@ -32,6 +33,15 @@ _PASSES_TO_END = 5
 """Passes of the event loop that a cancelled task needs to end: aiomqtt does not await its own as a client closes."""
 ALONE = ("tests/flights", "tests/page", "tests/benchmarks")
 """Folders whose tests in real time are run one after the other."""
+BESIDE_A_FLIGHT = tuple(
+    f"tests/flights/test_{name}.py" for name in ("arm_faults", "dead_man", "mocap_over_mqtt", "wrong_body")
+)
+"""Files in them whose flights mostly wait, for PX4 to land: a quarter of a core and less."""
+
+
+def runs_alone(path: str) -> bool:
+    """Return True for a file whose tests in real time want most of the computer."""
+    return any(alone in path for alone in ALONE) and not path.endswith(BESIDE_A_FLIGHT)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -40,8 +50,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     Processes side by side begin with what computes for long, so that they end at the same time.
     """
     for item in items:
-        if any(alone in item.path.as_posix() for alone in ALONE):
+        if runs_alone(item.path.as_posix()):
             item.add_marker("flight")
+        if isinstance(item, pytest.Function) and inspect.iscoroutinefunction(item.function):
+            item.fixturenames.append(no_task_outlives_its_test.__name__)  # a loop costs each of 5,000 others 2 ms
     if "PYTEST_XDIST_WORKER" in os.environ:
         items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
@@ -57,7 +69,7 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
         pytest.skip(reason)
 
 
-@pytest_asyncio.fixture(autouse=True)
+@pytest_asyncio.fixture
 async def no_task_outlives_its_test() -> AsyncIterator[None]:
     """Fail a test that leaves a task running on its event loop."""
     before = asyncio.all_tasks()

@@ -16,7 +16,7 @@ from mock_autopilot.faults.catalogue import Part
 from mock_autopilot.mavlink.link import MavlinkLink
 from mock_autopilot.mavlink.streams import TICK_S
 from mock_autopilot.physics import quaternion as quat
-from mock_autopilot.world import World
+from mock_autopilot.world import STEP_S, World
 
 NAN = math.nan
 NO_GPS: dict[str, float] = {"EKF2_GPS_CTRL": 0, "EKF2_EV_CTRL": 15, "EKF2_HGT_REF": 3, "EKF2_MAG_TYPE": 5}
@@ -87,6 +87,7 @@ class Bench:
         arms: Mapping[str, Any] | None = None,
         faults: Sequence[str] = (),
         estimator: Mapping[str, Any] = PERFECT,
+        step_s: float = STEP_S,
     ) -> None:
         config = {
             "estimator": dict(estimator),
@@ -96,7 +97,7 @@ class Bench:
             "arms": dict(arms or {}),
             "faults": [{"say": sentence} for sentence in faults],
         }
-        self._attach(World(MockConfig.from_dict(config), seed), gcs)
+        self._attach(World(MockConfig.from_dict(config), seed, step_s), gcs)
 
     @classmethod
     def of(cls, world: World) -> "Bench":
