@@ -28,6 +28,7 @@ from companion.records.split.merge import merge
 from companion.supervisor.flight_state import Phase, TrackRequest
 from companion.trajectories.waypoints import Waypoints
 from mock_autopilot.physics.plant import Wrench
+from mock_autopilot.world import STEP_S
 from tests.analysis.recorded import recorded
 from tests.flights.simulated import BRISK, Flight, Step, fly
 from tests.flights.simulated_ground import GroundSetup, ground_config
@@ -74,7 +75,7 @@ def _pushed(steps: list[Step]) -> list[Step]:
 def _fly(folder: Path, **how: Any) -> tuple[Flown, list[Tick]]:
     script = [*UP, wait(HOVER_S), ask(TrackRequest(CLIMBS, 1.0)), until(Phase.TRACK), until(Phase.HOLD), wait(2.0)]
     # Hovers and climbs tilt the vehicle less than its horizon wanders: then the attitude's answer is not found.
-    flight = asyncio.run(fly(_pushed(script), estimator=PERFECT, **how))
+    flight = asyncio.run(fly(_pushed(script), estimator=PERFECT, step_s=STEP_S, **how))
     return Flown(read_flight(recorded(flight.ticks, folder))), flight.ticks
 
 
@@ -89,7 +90,7 @@ def split(tmp_path_factory: pytest.TempPathFactory) -> tuple[FlightRecord, Fligh
     """Return the vehicle's record of a hover by a law on the ground, alone and merged with the ground's."""
     folder = tmp_path_factory.mktemp("split")
     hover = _pushed([*UP, wait(HOVER_S)])
-    flight = asyncio.run(fly(hover, estimator=PERFECT, config=ON_GROUND, ground=GroundSetup(link=RADIO)))
+    flight = asyncio.run(fly(hover, estimator=PERFECT, config=ON_GROUND, ground=GroundSetup(link=RADIO), step_s=STEP_S))
     assert flight.ground is not None
     vehicle = recorded(flight.ticks, folder / "vehicle", ON_GROUND)
     ground = recorded(map(tick_of, flight.ground.ground.ticks), folder / "ground", ON_GROUND, side="ground")

@@ -113,6 +113,8 @@ class Room(VehicleInRoom):
         arms: dict[str, Any] | None = None,
         faults: Sequence[str] = (),
         estimator: Mapping[str, Any] = IMPERFECT,
+        *,
+        step_s: float = TICK_S,
     ) -> None:
         bench = Bench(
             PX4_PARAMS,
@@ -122,7 +124,7 @@ class Room(VehicleInRoom):
             arms=arms,
             faults=faults,
             estimator=estimator,
-            step_s=TICK_S,  # a third less to compute than the mock's own, and all that its streams and cameras resolve
+            step_s=step_s,
         )
         super().__init__(bench)
         cameras, world = QualisysConfig.model_validate(mocap or {}), self.bench.world
@@ -285,17 +287,19 @@ async def fly(
     real_driver: bool = False,
     ground: GroundSetup | None = None,
     longest_s: float = 120.0,
+    step_s: float = TICK_S,
 ) -> Flight:
     """Run the loop until the script has ended, BRISK unless `config` says otherwise; raises what the loop raises.
 
     What the script raises, and FlightTimeoutError, end the flight at once: they are the test's, not the loop's.
     `estimator` is the mock's [estimator]: its horizon errs as PX4's does unless it is PERFECT.
     With `ground` the law runs there, and frames reach the vehicle, too, if `config.law.onboard_mocap` says so.
+    The physics' step is twice the mock's own, a third less to compute, and all that its streams and cameras resolve.
     With `real_driver` the arms' own driver speaks to the mock's servos, which takes longer and notices what ails them.
     """
     config = config or CompanionConfig(flight=BRISK, arms=ArmsConfig() if arms is not None else None)
     law = law_of(controller, config)
-    room = Room(seed, plant, mocap, start, arms, faults, estimator)
+    room = Room(seed, plant, mocap, start, arms, faults, estimator, step_s=step_s)
     told = Script(script, longest_s)
 
     def sink(tick: Tick) -> None:
