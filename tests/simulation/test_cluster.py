@@ -40,12 +40,17 @@ ADVICE = "try again"
 
 
 @pytest.fixture(scope="module")
-def scheduler() -> Iterator[str]:
-    """HOST:PORT of a scheduler with two workers."""
+def _two() -> Iterator[LocalCluster]:
     few = dask.config.set({"distributed.scheduler.allowed-failures": 1})  # a start of a worker takes half a second
     with few, LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=":0") as cluster:
-        cluster.wait_for_workers(2)
-        yield cluster.scheduler_address.removeprefix("tcp://")
+        yield cluster
+
+
+@pytest.fixture
+def scheduler(_two: LocalCluster) -> str:
+    """HOST:PORT of a scheduler with two workers: those that the test before has killed are there again."""
+    _two.wait_for_workers(2, timeout=60)
+    return str(_two.scheduler_address.removeprefix("tcp://"))
 
 
 def _equal(one: Columns, other: Columns) -> bool:
