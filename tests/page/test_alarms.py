@@ -1,5 +1,6 @@
 """Alarms: faults are noticed at once, a stale page within a second; and text of others stays text."""
 
+import re
 import time
 
 import pytest
@@ -95,6 +96,9 @@ def test_a_vehicle_without_states_is_stale_while_the_server_beats(browser: Brows
         assert time.monotonic() - began_s < 2.0
         expect(page.locator(".card").nth(1)).to_contain_text("no state for")
         expect(page.locator("#links")).to_contain_text("says nothing")
+        capture = page.locator("#links li", has_text="motion capture")
+        expect(capture).to_have_attribute("data-tone", "none")
+        expect(capture).to_contain_text(re.compile(r"old, [\d.]+ s ago$"))
         three.send({"type": "broker", "linked": False, "why": "connection refused"})
         expect(page.locator("#stale-why")).to_contain_text("no connection to the broker")
 

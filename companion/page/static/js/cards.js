@@ -71,7 +71,8 @@ export class Cards {
     setText(parts.word, looks.word);
     const battery = state?.battery === null || state?.battery === undefined ? null : state.battery * 100;
     setText(parts.line, state === null ? "" : `${number(state.position_w_m?.[2], 2, " m")} · ${number(battery, 0, " %")}`);
-    setText(parts.fault, stale && state !== null ? `no state for ${Math.floor(vehicle.ageS)} s` : [...vehicle.faults.keys()].join(", "));
+    const faults = vehicle.faults.size > 0 ? `fault: ${[...vehicle.faults.keys()].join(", ")}` : "";
+    setText(parts.fault, stale && state !== null ? `no state for ${Math.floor(vehicle.ageS)} s` : faults);
     setAttribute(parts.button, "aria-pressed", String(vehicle.name === this.fleet.focusName));
     parts.box.checked = this.fleet.selected.has(vehicle.name);
   }

@@ -56,7 +56,7 @@ export function showLinks(fleet, silentS, open) {
   const rows = [["page", open && silentS < 1 ? "ok" : "bad", open ? `heard ${age(silentS)} ago` : "no connection", ""]];
   rows.push(["broker", fleet.linked ? "ok" : "bad", fleet.linked ? "connected" : "not connected", fleet.linked ? "" : fleet.unlinkedWhy]);
   if (vehicle !== null) rows.push(service(vehicle));
-  if (state !== null) rows.push(...devices(state), record(vehicle));
+  if (state !== null) rows.push(...[...devices(state), record(vehicle)].map((one) => remembered(one, vehicle.ageS)));
   fill(byId("links"), JSON.stringify(rows), () =>
     rows.map(([name, tone, text, more]) => row(tone, name, text, more)),
   );
@@ -70,6 +70,11 @@ function service(vehicle) {
   if (fresh) return ["service", "ok", `${where}${there?.version ? `, version ${there.version}` : ""}`, ""];
   const said = there && !there.online ? "does not run" : "says nothing";
   return ["service", "bad", `${said}; last state ${age(vehicle.ageS)} ago`, where];
+}
+
+/** Return a row as what was known when the last state came. @param {string[]} row @param {number} ageS of the state */
+function remembered([name, tone, text, more], ageS) {
+  return ageS < 1 ? [name, tone, text, more] : [name, "none", `${text}, ${age(ageS)} ago`, more];
 }
 
 /** @param {any} state */
