@@ -7,10 +7,12 @@ from benchmarks.figures import calmest_median_us
 from benchmarks.synthetic import AGE_S, Motion, motion
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import load_controller
+from companion.control.compiled.pipeline import FlightPipeline
 from companion.control.controller import ControlInput, Controller
 from companion.control.pipeline import ControlPipeline, idle_setpoint
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.estimation.frame_estimator import FrameEstimator
 from companion.geometry.attitude import accel_of_setpoint, setpoint_of_accel
 from companion.geometry.frames import euler_ned_frd_deg
 from companion.guard.limits import limit_setpoint
@@ -64,8 +66,10 @@ class CycleCost:
 def cycle_cost(config: CompanionConfig, rounds: int) -> CycleCost:
     """Measure both in turn, as a busy machine is never the same for long."""
     moving = motion((), 1.0 / config.control.rate_hz)
-    estimating = _estimating(moving, config)
-    each = [_after(estimating, flying(moving, config, compiled=compiled)) for compiled in (False, True)]
+    each = [
+        _after(_estimating(moving, config, compiled=compiled), flying(moving, config, compiled=compiled))
+        for compiled in (False, True)
+    ]
     turns = [[calmest_median_us(one, SLEEPY_CYCLES, 1, PAUSE_S) for one in each] for _ in range(rounds)]
     python_us, flown_us = (min(column) for column in zip(*turns, strict=True))
     return CycleCost(python_us, flown_us)
@@ -126,16 +130,22 @@ def stage_costs(config: CompanionConfig, rounds: int) -> Iterator[StageCost]:
         yield StageCost(f"{name}, after {1e3 * PAUSE_S:g} ms asleep", slept_us)
 
 
-def _estimating(moving: Motion, config: CompanionConfig) -> Callable[[int], None]:
+def _estimating(moving: Motion, config: CompanionConfig, *, compiled: bool = True) -> Callable[[int], None]:
     """Each round begins anew: time must not run backwards."""
     frames = [moving.frame(cycle) for cycle in range(CYCLES)]
-    params, state = EstimatorParams(delay_s=config.mocap.delay_s), EstimatorState()
+    params = EstimatorParams(delay_s=config.mocap.delay_s)
+    state, estimating = EstimatorState(), FrameEstimator(params)
 
     def step(cycle: int) -> None:
         nonlocal state
         state = estimator.step(state if cycle else EstimatorState(), frames[cycle], params)
 
-    return step
+    def compiled_step(cycle: int) -> None:
+        nonlocal estimating
+        estimating = estimating if cycle else FrameEstimator(params)
+        estimating.step(frames[cycle])
+
+    return compiled_step if compiled else step
 
 
 def flying(moving: Motion, config: CompanionConfig, *, compiled: bool = True) -> Callable[[int], None]:
@@ -143,7 +153,7 @@ def flying(moving: Motion, config: CompanionConfig, *, compiled: bool = True) ->
     period_s = 1.0 / config.control.rate_hz
     law = load_controller(LAWS["ET-NN"], config.vehicle_model(), period_s).law
     model, limits = config.vehicle.thrust_model(), config.limits.limits()
-    stage, sent = ControlPipeline(law, model, limits, compiled=compiled), idle_setpoint(0.0)
+    stage, sent = (FlightPipeline if compiled else ControlPipeline)(law, model, limits), idle_setpoint(0.0)
     vehicles = [moving.vehicle(cycle) for cycle in range(CYCLES)]
     references = [moving.reference(cycle) for cycle in range(CYCLES)]
 

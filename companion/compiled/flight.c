@@ -226,15 +226,35 @@ void drive_servos(const double *servos, const double *assembly, const double *go
     }
 }
 
-/* The two halves of the law's cycle, for a flight: control/compiled_law.py. */
-void law_decide(double *memory, const double *now, const double *gains, const double *lookahead, double *output)
+/* For a flight in real time: each takes the addresses of vectors that stay where they are. */
+
+/* The two halves of a cycle: control/compiled/pipeline.py. */
+const int pilot_sizes[] = {pilot_memory_size, pilot_given_size, pilot_law_size, pilot_known_size, pilot_out_size, pilot_halfway_size};
+
+enum { MEMORY, GIVEN, LAW, KNOWN, OUT, HALFWAY, F_HAT };
+
+void pilot_prepare(double *const *v) { pilot_known(v[LAW], v[KNOWN]); }
+
+void pilot_decide(double *const *v) { pilot(v[MEMORY], v[GIVEN], v[LAW], v[KNOWN], v[MEMORY], v[OUT], v[HALFWAY]); }
+
+void pilot_settle(double *const *v)
 {
-    decide(memory, now, gains, lookahead, memory, output);
+    settle(v[MEMORY] + pilot_memory_law_filter_chi, v[HALFWAY], v[LAW] + pilot_law_gains_c1, v[MEMORY] + pilot_memory_law_filter_chi,
+           v[F_HAT]);
 }
 
-void law_settle(double *memory, const double *halfway, const double *gains, double *f_hat)
+/* Correct the autopilot's horizon: control/compiled/wire.py. State, given, rules and limits, out. */
+void wire_put(double *const *v) { wire(v[0], v[1], v[2], v[2] + wire_rules_size, v[0], v[3]); }
+
+/* Take a frame; 0, and nothing is changed, where it is not a usual one: estimation/frame_estimator.py. Memory, frame, parameters, state. */
+int take_frame(double *const *v)
 {
-    settle(memory, halfway, gains, memory, f_hat);
+    double after[follow_after_size], usual;
+    follow(v[0], v[1], v[2], after, &usual, v[3]);
+    if (usual == 0.0)
+        return 0;
+    memcpy(v[0], after, sizeof after);
+    return 1;
 }
 
 /* Whole cycles of the law for vehicles (count,) with the same gains; rows of memory, which is replaced, inputs and outputs. */

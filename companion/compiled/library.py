@@ -7,8 +7,11 @@ import platform
 import subprocess
 import sys
 import sysconfig
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
+
+from companion.core.types import Array
 
 _FOLDER = Path(__file__).parent
 SOURCE, BATCH = _FOLDER / "flight.c", _FOLDER / "batch.c"
@@ -64,6 +67,17 @@ def batch_path(width: int) -> Path:
 def _is_old(code: ctypes.CDLL) -> bool:
     code.sources.restype = ctypes.c_char_p
     return bool(code.sources() != _digest().encode())
+
+
+@cache
+def quick_library() -> ctypes.PyDLL | None:
+    """Return the compiled code for calls of a microsecond, which do not give the interpreter to another thread."""
+    return None if library() is None else ctypes.PyDLL(str(LIBRARY))
+
+
+def pointers(vectors: Sequence[Array]) -> "ctypes.Array[ctypes.c_void_p]":
+    """Return the addresses of vectors as one argument; the vectors must be kept, and stay where they are."""
+    return (ctypes.c_void_p * len(vectors))(*(vector.ctypes.data for vector in vectors))
 
 
 def _digest() -> str:

@@ -86,62 +86,7 @@ class NumberedPredictor(Predictor):
         return oldest
 
 
-_NAMES = ("x1", "y1", "y2", "alpha1", "alpha2", "u_bar", "chi", "xi", "iota1", "iota2", "kappa", "push")
-_SIGNALS = {name: slice(4 + 3 * index, 7 + 3 * index) for index, name in enumerate(_NAMES[:-2])}
-_SIGNALS |= {"kappa": slice(34, 35), "push": slice(35, 38)}
-"""Internal values of a cycle in the compiled output, after the command and the event."""
-_V0, _V1 = slice(12, 28), slice(28, 43)
-"""Weights of the network in the memory."""
 _Memory, _Given, _Output = ctypes.c_double * 98, ctypes.c_double * 31, ctypes.c_double * 38
-_Halfway, _Estimate = ctypes.c_double * 13, ctypes.c_double * 3
-Decided = tuple[ctypes.Array[ctypes.c_double], ctypes.Array[ctypes.c_double], ControlInput]
-
-
-class CompiledLaw:
-    """ET-NN law for one vehicle in flight; its memory is one vector, which each half of a cycle replaces."""
-
-    def __init__(self, law: Etnn, gains: Array, lookahead: Array, code: ctypes.CDLL) -> None:
-        self._law, self._code = law, code
-        self._numbers = tuple((ctypes.c_double * len(numbers))(*numbers) for numbers in (gains, lookahead))
-
-    @property
-    def preview_s(self) -> float:
-        """Time ahead of now at which the law needs its reference, s."""
-        return self._law.preview_s
-
-    def initial(self, first: ControlInput) -> ctypes.Array[ctypes.c_double]:
-        """Return the memory at lift-off."""
-        return _vector(self._law.initial(first))
-
-    def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> ctypes.Array[ctypes.c_double]:
-        """Return the memory for a vehicle in flight; see `Etnn.initial_with`."""
-        return _vector(self._law.initial_with(now, known_disturbance_w_mps2))
-
-    def step(
-        self, memory: ctypes.Array[ctypes.c_double], now: ControlInput
-    ) -> tuple[ctypes.Array[ctypes.c_double], ControlOutput]:
-        """Run one cycle."""
-        decided, output = self.decide(memory, now)
-        after, signals = self.settle(decided)
-        return after, ControlOutput(output.accel_w_mps2, output.event, signals)
-
-    def decide(self, memory: ctypes.Array[ctypes.c_double], now: ControlInput) -> tuple[Decided, ControlOutput]:
-        """Run the first half of a cycle; all internal values come with the second, after the command has left."""
-        after, output = _Memory.from_buffer_copy(memory), _Output()
-        self._code.law_decide(after, _given(now), *self._numbers, output)
-        return (after, output, now), ControlOutput(np.array(output[0:3]), np.array(output[3:4]), {})
-
-    def settle(self, decided: Decided) -> tuple[ctypes.Array[ctypes.c_double], dict[str, Array]]:
-        """Run the second half of a cycle."""
-        before, output, now = decided
-        after, f_hat = _Memory.from_buffer_copy(before), _Estimate()
-        reference = (*now.reference.velocity_w_mps.tolist(), *now.reference.acceleration_w_mps2.tolist())
-        halfway = _Halfway(*output[_SIGNALS["alpha1"]], *output[_SIGNALS["y2"]], *reference, now.dt_s)
-        self._code.law_settle(after, halfway, self._numbers[0], f_hat)
-        values, weights = np.array(output), np.array(before)
-        signals = {name: values[part] for name, part in _SIGNALS.items()}
-        late = {"f_hat": np.array(f_hat), "v0": weights[_V0].reshape(4, 4), "v1": weights[_V1].reshape(5, 3)}
-        return after, signals | late
 
 
 class CompiledLawOfMany:
@@ -196,37 +141,17 @@ def _alone(row: Array) -> ControlInput:
     )
 
 
-def compiled_law(law: Controller) -> Controller:
-    """Return the compiled twin of a law for one vehicle in flight; the law itself where there is none."""
-    return _twin(law, CompiledLaw)
-
-
 def compiled_law_of_many(law: Controller) -> Controller:
     """Return the compiled twin of a law for vehicles (B,); the law itself where there is none."""
-    return _twin(law, CompiledLawOfMany)
-
-
-def _twin(law: Controller, kind: type[CompiledLaw] | type[CompiledLawOfMany]) -> Controller:
     code = library()
     if code is None or type(law) is not Etnn or law.predictor is None or law.gains.hidden != EtnnGains().hidden:
         return law
     lookahead = lookahead_of(law.predictor)
     if lookahead is None:
         return law
-    return kind(law, flat(law.gains, law.gains)[0], flat(lookahead, NO_LOOKAHEAD)[0], code)
+    return CompiledLawOfMany(law, flat(law.gains, law.gains)[0], flat(lookahead, NO_LOOKAHEAD)[0], code)
 
 
 def _vector(memory: EtnnMemory) -> ctypes.Array[ctypes.c_double]:
     roomy = with_room(memory)
     return _Memory(*flat(roomy, roomy)[0].tolist())
-
-
-def _given(now: ControlInput) -> ctypes.Array[ctypes.c_double]:
-    """Return the inputs of a cycle in the order of ControlInput's fields."""
-    r = now.reference
-    return _Given(
-        *(*now.position_w_m.tolist(), *now.velocity_w_mps.tolist()),
-        *(*now.q_w_flu_wxyz.tolist(), *now.rate_flu_radps.tolist(), now.age_s),
-        *(*r.position_w_m.tolist(), *r.velocity_w_mps.tolist(), *r.acceleration_w_mps2.tolist(), r.yaw_rad),
-        *(*now.sent_accel_w_mps2.tolist(), now.dt_s, *now.known_accel_w_mps2.tolist()),
-    )

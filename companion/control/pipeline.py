@@ -5,7 +5,6 @@ from math import inf
 
 import numpy as np
 
-from companion.control.compiled_law import compiled_law
 from companion.control.controller import ControlInput, Controller, ControlOutput, SeededLaw, TwoHalves
 from companion.control.disturbance import Disturbance, estimate_disturbance, no_disturbance
 from companion.control.law_switch import LawSwitch
@@ -41,8 +40,7 @@ class ControlPipeline:
     """Pipeline with the law's memory and its last setpoint; `sent` is the setpoint last sent, which limits the rate.
 
     For one vehicle, or for a batch of shape `lead`: the leading axes of vehicle states, `sent` and all outputs; thrust
-    model and limits are those of the batch. A guard, which is for one vehicle, replaces the plain limits. In flight
-    the law is `compiled`, where it can be.
+    model and limits are those of the batch. A guard, which is for one vehicle, replaces the plain limits.
     """
 
     def __init__(
@@ -52,9 +50,7 @@ class ControlPipeline:
         limits: Limits,
         lead: tuple[int, ...] = (),
         guard: Guard | None = None,
-        compiled: bool = False,
     ) -> None:
-        self._compiled = compiled
         self._model, self._limits, self._lead = model, limits, lead
         self._guard = guard
         self._take(controller)
@@ -88,7 +84,7 @@ class ControlPipeline:
         self._memory, self._decided, self._switched = None, None, True
 
     def _take(self, controller: Controller) -> None:
-        self._controller = compiled_law(controller) if self._compiled else controller
+        self._controller = controller
         self._halves = self._controller if isinstance(self._controller, TwoHalves) else None
 
     def settle(self) -> dict[str, Array]:

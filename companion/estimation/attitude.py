@@ -3,7 +3,7 @@
 Works on components: floats for one vehicle, whose frame has to cost microseconds, and arrays (...,) for a batch.
 """
 
-from companion.core.types import Array, Scalar
+from companion.core.types import Array, Flag, Scalar
 from companion.core.values import value
 from companion.estimation.kalman import Covariance, grow, shrink
 from companion.geometry.array_math import absolute, math_module, unstack
@@ -26,16 +26,16 @@ class Attitude:
     """Covariance of angle error, rate and change of rate about one body axis: floats or (...,)."""
 
 
-def is_rotation(rotation_rows: tuple[float, ...], tolerance: float = 0.01) -> bool:
+def is_rotation(rotation_rows: tuple[float, ...], tolerance: float = 0.01) -> Flag:
     """Return True if nine numbers, row by row, are a right-handed rotation; False for NaN."""
     a, b, c, d, e, f, g, h, i = rotation_rows
     return (
-        abs(a * a + b * b + c * c - 1.0) <= tolerance
-        and abs(d * d + e * e + f * f - 1.0) <= tolerance
-        and abs(a * d + b * e + c * f) <= tolerance
-        and abs(b * f - c * e - g) <= tolerance  # row 1 x row 2 = row 3
-        and abs(c * d - a * f - h) <= tolerance
-        and abs(a * e - b * d - i) <= tolerance
+        (abs(a * a + b * b + c * c - 1.0) <= tolerance)
+        & (abs(d * d + e * e + f * f - 1.0) <= tolerance)
+        & (abs(a * d + b * e + c * f) <= tolerance)
+        & (abs(b * f - c * e - g) <= tolerance)  # row 1 x row 2 = row 3
+        & (abs(c * d - a * f - h) <= tolerance)
+        & (abs(a * e - b * d - i) <= tolerance)
     )
 
 

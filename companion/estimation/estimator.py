@@ -13,10 +13,10 @@ from companion.estimation import kalman, others
 from companion.estimation.attitude import Attitude
 from companion.estimation.clock_sync import ClockSync, is_ahead, observe, to_local_s
 from companion.estimation.kalman import Covariance, Motion
-from companion.estimation.state import Counts, EstimatorParams, EstimatorState, Verdict
+from companion.estimation.state import Counts, Estimate, EstimatorParams, EstimatorState, Verdict
 from companion.geometry.array_math import Components, math_module
 
-__all__ = ["Counts", "EstimatorParams", "EstimatorState", "Verdict", "age_s", "first_covariances", "step"]
+__all__ = ["Counts", "Estimate", "EstimatorParams", "EstimatorState", "Verdict", "age_s", "first_covariances", "step"]
 
 Pose = tuple[float, ...]
 """Position, then the rotation row by row: twelve floats, cheap to compare and to check."""
@@ -97,9 +97,10 @@ def first_covariances(params: EstimatorParams) -> tuple[Covariance, Covariance]:
     )
 
 
-def age_s(state: EstimatorState, now_s: float) -> float:
+def age_s(state: Estimate, now_s: float) -> float:
     """Return the time since the capture of the last accepted frame; infinite before the first one."""
-    return now_s - state.vehicle.time_s if state.vehicle is not None else inf
+    vehicle = state.vehicle
+    return now_s - vehicle.time_s if vehicle is not None else inf
 
 
 def _rejection(pose: Pose, state: EstimatorState, params: EstimatorParams) -> Verdict | None:

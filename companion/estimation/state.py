@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 from enum import StrEnum
 from math import inf, sqrt
+from typing import Protocol
 
 from companion.core.types import Vec3, VehicleState
 from companion.estimation.attitude import Attitude
@@ -11,7 +12,7 @@ from companion.estimation.kalman import Motion
 from companion.estimation.others import OtherTrack
 from companion.estimation.params import EstimatorParams
 
-__all__ = ["Counts", "EstimatorParams", "EstimatorState", "Verdict"]
+__all__ = ["Counts", "Estimate", "EstimatorParams", "EstimatorState", "Verdict"]
 
 
 class Verdict(StrEnum):
@@ -49,6 +50,26 @@ class Counts:
     def plus(self, verdict: Verdict) -> "Counts":
         """Return the counts with one more of this verdict; `replace` would take 3 us more."""
         return Counts(**{**vars(self), verdict.value: getattr(self, verdict.value) + 1})
+
+
+class Estimate(Protocol):
+    """Part of an estimate that setpoints and checks depend on."""
+
+    @property
+    def vehicle(self) -> VehicleState | None:
+        """State at the capture of the last accepted frame; None before the first one."""
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """Verdict on the last frame."""
+
+    @property
+    def others(self) -> tuple[OtherTrack, ...]:
+        """The other vehicles of [separation]."""
+
+    @property
+    def others_s(self) -> float:
+        """Stamp of the last frame that the others were taken from."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,6 +5,8 @@ from dataclasses import dataclass, field, replace
 from companion.config.companion_config import CompanionConfig
 from companion.config.controller_config import LoadedController, load_controller
 from companion.config.law_margin import LawMargin, Measure, measured, require_margin
+from companion.control.compiled.pipeline import FlightPipeline
+from companion.control.compiled.wire import FlightWire
 from companion.control.controller import Controller
 from companion.control.pipeline import ControlPipeline
 from companion.control.remote_law import RemoteLaw
@@ -79,18 +81,18 @@ def margin_in(config: CompanionConfig, loaded: LoadedController, measure: Measur
 def pipeline_of(config: CompanionConfig, law: Controller, frames: bool = True) -> ControlPipeline:
     """Return the law's pipeline, with the guard at its end; without frames the guard has no fence."""
     guard = config.guard() if frames else config.guard(NO_FENCE)
-    return ControlPipeline(law, config.vehicle.thrust_model(), config.limits.limits(), guard=guard, compiled=True)
+    return FlightPipeline(law, config.vehicle.thrust_model(), config.limits.limits(), guard)
 
 
 def wire_of(config: CompanionConfig, frames: bool = True) -> WireSetpoint:
     """Return the correction of the autopilot's horizon, between pipeline and autopilot; none without frames."""
     rules = config.control.horizon_rules(config.safety.tilt_apart_rad)
-    return WireSetpoint(rules if frames else replace(rules, enabled=False), config.limits.limits())
+    return FlightWire(rules if frames else replace(rules, enabled=False), config.limits.limits())
 
 
 def ground_pipeline_of(config: CompanionConfig, law: Controller) -> ControlPipeline:
     """Return the pipeline of a law on the ground; the guard is on the vehicle."""
-    return ControlPipeline(law, config.vehicle.thrust_model(), config.limits.limits(), compiled=True)
+    return FlightPipeline(law, config.vehicle.thrust_model(), config.limits.limits())
 
 
 def with_link(config: CompanionConfig, up_age_s: float) -> CompanionConfig:

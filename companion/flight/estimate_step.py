@@ -8,8 +8,9 @@ import numpy as np
 
 from companion.core.interfaces import GroundPoses, MocapSource
 from companion.core.types import AutopilotStatus, GroundPose, MocapFrame
-from companion.estimation import estimator, from_autopilot
-from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.estimation import from_autopilot
+from companion.estimation.estimator import Estimate, EstimatorParams, EstimatorState
+from companion.estimation.frame_estimator import FrameEstimator
 from companion.estimation.from_autopilot import FromAutopilotParams
 from companion.law_link.vehicle_end import VehicleEnd
 
@@ -40,7 +41,13 @@ _NOTHING = Arrival()
 class EstimateStep(Protocol):
     """Keeper of the estimate of the vehicle's motion."""
 
-    state: EstimatorState
+    @property
+    def state(self) -> EstimatorState:
+        """Return all that is known."""
+
+    @property
+    def latest(self) -> Estimate:
+        """Return what the setpoint depends on, as of now; valid until the next `read`."""
 
     def waiting_s(self) -> float | None:
         """Return the arrival (s) of a frame that `read` has not used yet; None without one."""
@@ -56,9 +63,18 @@ class EstimateFromFrames:
     """Estimate from motion capture's frames."""
 
     def __init__(self, mocap: MocapSource, params: EstimatorParams) -> None:
-        self._mocap, self._params = mocap, params
+        self._mocap, self._estimator = mocap, FrameEstimator(params)
         self._frame: MocapFrame | None = None
-        self.state = EstimatorState()
+
+    @property
+    def state(self) -> EstimatorState:
+        """Return all that is known."""
+        return self._estimator.state
+
+    @property
+    def latest(self) -> Estimate:
+        """Return what the setpoint depends on; the rest of the state is put together later."""
+        return self._estimator
 
     def waiting_s(self) -> float | None:
         """Return the arrival (s) of a frame that was not used yet; None without one."""
@@ -71,7 +87,7 @@ class EstimateFromFrames:
         if frame is None:
             return _NOTHING
         self._frame = frame
-        self.state = estimator.step(self.state, frame, self._params)
+        self._estimator.step(frame)
         return Arrival(frame=frame)
 
     def for_vision(self, now_s: float) -> EstimatorState:  # noqa: ARG002 - the interface's
@@ -106,6 +122,11 @@ class EstimateFromAutopilot:
         self._ground, self._params = ground, params
         self._pose: GroundPose | None = None
         self.state = EstimatorState()
+
+    @property
+    def latest(self) -> Estimate:
+        """Return the state."""
+        return self.state
 
     def waiting_s(self) -> float | None:
         """Return None: only the deadline starts a cycle."""

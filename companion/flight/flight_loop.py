@@ -9,13 +9,14 @@ from companion.control.controller import Controller
 from companion.control.pipeline import idle_setpoint
 from companion.control.wire_setpoint import Wire
 from companion.core.interfaces import CompanionError
-from companion.core.types import FlightMode
+from companion.core.types import AttitudeThrust, AutopilotStatus, FlightMode
 from companion.estimation import estimator
 from companion.estimation.estimator import EstimatorState, Verdict
 from companion.flight.arming import Arming, refused_for
 from companion.flight.assembly import Devices, Stages
 from companion.flight.autopilot_calls import AutopilotCalls
 from companion.flight.cycle_start import frame_or_deadline
+from companion.flight.estimate_step import Arrival
 from companion.flight.health_step import Cycle, facts_of
 from companion.flight.shutdown import Shutdown, ShutdownTimes
 from companion.flight.tick import Tick, TickSink
@@ -43,6 +44,10 @@ __all__ = ["Devices", "FlightLoop"]
 
 LOG = logging.getLogger(__name__)
 
+_Held = tuple[bool, AttitudeThrust | None, bool, str, str]
+"""Stream on, setpoint sent last, its thrust at the limit, faults of law and horizon."""
+_ALONG_THE_LEGS = frozenset({Phase.TAKEOFF, Phase.HOLD, Phase.TRACK})
+"""Phases in which the state machine, without a fault, only goes on from leg to leg once the vehicle is in the air."""
 _TURNS = 3
 """Turns of the event loop after which every socket has been read."""
 _FAILED = "the flight loop has failed and the autopilot was told to land: only kill is still taken"
@@ -109,12 +114,12 @@ class FlightLoop:
 
     def refusal(self, request: Request) -> str:
         """Return why an operator's request would be rejected now; empty when it would be accepted."""
-        inputs = self._facts(self._clock.now_s())
+        inputs = self._facts_now()
         return self._rejection(request) or state_machine.refusal(self._flight, request, inputs, self._rules)
 
     def preview(self, request: TrackRequest) -> FlightState:
         """Return the flight as it would be if this trajectory were requested now."""
-        return approach(self._flight, request, self._facts(self._clock.now_s()), self._rules)
+        return approach(self._flight, request, self._facts_now(), self._rules)
 
     def submit(self, request: Request) -> str:
         """Apply an operator's request; return why it is rejected, empty when it is accepted.
@@ -123,7 +128,7 @@ class FlightLoop:
         """
         reason = self._rejection(request)
         if not reason:
-            inputs = self._facts(self._clock.now_s())
+            inputs = self._facts_now()
             flight, reason = state_machine.apply_request(self._flight, request, inputs, self._rules)
             self._enter(flight)
         if isinstance(request, LandRequest) and self.arming.call_off(request.reason or "a landing was ordered"):
@@ -183,14 +188,19 @@ class FlightLoop:
         """One control cycle at `now_s`, begun `late_s` late."""
         if self.remote is not None:
             self.remote.read(now_s, self._flight)
-        arrival = self._estimating.read(self._autopilot.status())
+        status = self._autopilot.status()
+        arrival = self._estimating.read(status)
         if self.arms is not None:
             self.arms.read(now_s, self._flight)
-        self._look(now_s, late_s)
-        stage = self._flight.stage
-        self._enter(state_machine.advance(self._flight, self._facts(now_s), self._rules))
-        pipeline, limited = self._law.control(self._flight, self.estimate, self._stream.law_sent, now_s)
-        wire, sent_s = self._send(limited, now_s)
+        before, behind = self._flight, self._may_supervise_behind(arrival, status, now_s)
+        held = self._held()
+        if not behind:
+            self._supervise(self._cycle(now_s, late_s, status, held))
+        flown = self._flight
+        pipeline, limited = self._law.control(flown, self._estimating.latest, self._stream.law_sent, now_s)
+        wire, sent_s = self._send(limited, now_s, status)
+        if behind:
+            self._supervise(self._cycle(now_s, late_s, status, held))
         self._keep_or_end_stream(now_s)
         if self.remote is not None:
             joints_at = None if self.arms is None else self.arms.motion_at
@@ -207,7 +217,7 @@ class FlightLoop:
                 age_s=estimator.age_s(self.estimate, now_s),
                 status=arrival.status or self._autopilot.status(),
                 flight=self._flight,
-                reference=state_machine.reference_at(self._flight, now_s) if pipeline else None,
+                reference=state_machine.reference_at(flown, now_s) if pipeline else None,
                 pipeline=pipeline,
                 limited=limited,
                 late_signals=late_signals,
@@ -219,45 +229,84 @@ class FlightLoop:
                 law=self.law_name,
                 wire=wire,
                 link=None if self.remote is None else self.remote.tick,
-                stage=stage,
+                stage=before.stage,
             )
         )
 
-    def _send(self, limited: LimitedSetpoint | None, now_s: float) -> tuple[Wire | None, float]:
+    def _send(
+        self, limited: LimitedSetpoint | None, now_s: float, status: AutopilotStatus
+    ) -> tuple[Wire | None, float]:
         """Send this cycle's setpoint with the autopilot's horizon corrected; when it had left (s), or NaN."""
         if limited is None:
             return None, math.nan
-        status, setpoint = self._autopilot.status(), limited.setpoint
-        wire = self._horizon.correct(setpoint, self.estimate, status, self._events, self._flight, now_s)
+        setpoint = limited.setpoint
+        wire = self._horizon.correct(setpoint, self._estimating.latest, status, self._events, self._flight, now_s)
         return wire, self._stream.send(setpoint, None if wire is None else wire.setpoint)
 
-    def _look(self, now_s: float, late_s: float) -> None:
-        """Update the faults, and judge whether the autopilot may see what we see."""
-        status = self._autopilot.status()
-        cycle = Cycle(
+    def _held(self) -> _Held:
+        """Return what this cycle's setpoint will change."""
+        return self._stream.on, self._stream.sent, self._law.at_max_thrust, self._law.fault, self._horizon.fault
+
+    def _cycle(self, now_s: float, late_s: float, status: AutopilotStatus, held: _Held) -> Cycle:
+        """Return what the checks look at: everything as it is before this cycle's setpoint."""
+        streaming, sent, at_max_thrust, law_fault, horizon_fault = held
+        return Cycle(
             time_s=now_s,
             late_s=late_s,
             frame=self._mocap.latest(),
-            estimate=self.estimate,
+            estimate=self._estimating.latest,
             status=status,
-            streaming=self._stream.on,
-            sent=self._stream.sent,
-            at_max_thrust=self._law.at_max_thrust,
-            law_fault=self._law.fault,
+            streaming=streaming,
+            sent=sent,
+            at_max_thrust=at_max_thrust,
+            law_fault=law_fault,
             arm_fault=self.arms.fault if self.arms is not None else "",
-            horizon_fault=self._horizon.fault,
+            horizon_fault=horizon_fault,
             link=None if self.remote is None else self.remote.status,
             command_age_s=0.0 if self.remote is None else self.remote.command_age_s,
         )
-        self._events, unsent = self._health.look(cycle, self._flight), self._stream.fault(now_s)
+
+    def _may_supervise_behind(self, arrival: Arrival, status: AutopilotStatus, now_s: float) -> bool:
+        """Return True where checks and state machine may run after the setpoint has left.
+
+        Nothing is wrong and nothing has happened, and in these phases the setpoint does not depend on the state
+        machine's next step: a reference continues over its legs. docs/safety.md says for each fault why it may.
+        """
+        latest, vehicle = self._estimating.latest, self._estimating.latest.vehicle
+        return (
+            self._flight.airborne
+            and self._flight.phase in _ALONG_THE_LEGS
+            and not self._events
+            and arrival.frame is not None
+            and latest.verdict is Verdict.ACCEPTED
+            and vehicle is not None
+            and not (vehicle.others or self._law.pushed)
+            and now_s - vehicle.time_s <= self._safety.coast_s
+            and status.armed
+            and status.mode is FlightMode.OFFBOARD
+            and self.remote is None
+            and not (self._law.fault or self._horizon.fault or self._stream.failing)
+            and (self.arms is None or not self.arms.fault)
+        )
+
+    def _supervise(self, cycle: Cycle) -> None:
+        """Update the faults, judge whether the autopilot may see what we see, and let the state machine go on."""
+        self._events, unsent = self._health.look(cycle, self._flight), self._stream.fault(cycle.time_s)
         if unsent is not None:
             self._events = (*(event for event in self._events if event.fault is not unsent.fault), unsent)
-        self._vision.judge(self._events, status.armed, self._flight.cause)
+        self._vision.judge(self._events, cycle.status.armed, self._flight.cause)
+        self._advance(cycle.time_s, cycle.status)
 
-    def _facts(self, now_s: float) -> FlightInputs:
+    def _advance(self, now_s: float, status: AutopilotStatus) -> None:
+        self._enter(state_machine.advance(self._flight, self._facts(now_s, status), self._rules))
+
+    def _facts(self, now_s: float, status: AutopilotStatus) -> FlightInputs:
         thrust = float(self._stream.law_sent.thrust) if self._stream.on else math.nan
-        facts = facts_of(now_s, self.estimate.vehicle, self._autopilot.status(), self.arms, self._events, thrust)
+        facts = facts_of(now_s, self._estimating.latest.vehicle, status, self.arms, self._events, thrust)
         return replace(facts, pushed=True, pushed_now=self._law.pushed_now) if self._law.pushed else facts
+
+    def _facts_now(self) -> FlightInputs:
+        return self._facts(self._clock.now_s(), self._autopilot.status())
 
     def _tell(self, tick: Tick) -> None:
         """Whoever looks on cannot stop a flight: one that raises is not told any more."""
@@ -318,16 +367,16 @@ class FlightLoop:
     def hand_over(self, reason: str) -> None:
         """The autopilot lands what we still fly; nothing where we do not."""
         if self._flight.phase in COMMANDED | {Phase.RESUME}:
-            inputs = self._facts(self._clock.now_s())
+            inputs = self._facts_now()
             flight, _ = state_machine.apply_request(self._flight, HandOverRequest(reason), inputs, self._rules)
             self._enter(flight)
 
     def _see_without_checks(self, now_s: float) -> None:
         new = self._estimating.read(self._autopilot.status()).is_new
-        if self.estimate.verdict is Verdict.STARTED:  # jumped, or lost for long
+        if self._estimating.latest.verdict is Verdict.STARTED:  # jumped, or lost for long
             self._vision.trusted = False
         self._vision.forward(now_s, new, self._estimating.for_vision(now_s))
 
     def _supervise_without_checks(self, now_s: float) -> None:
         if self._flight.phase in {Phase.HANDED_OVER, Phase.TERMINATED}:
-            self._enter(state_machine.advance(self._flight, self._facts(now_s), self._rules))
+            self._advance(now_s, self._autopilot.status())

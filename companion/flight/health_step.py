@@ -18,7 +18,7 @@ from companion.core.types import (
     VehicleState,
 )
 from companion.core.values import value
-from companion.estimation.estimator import EstimatorState, age_s
+from companion.estimation.estimator import Estimate, age_s
 from companion.estimation.others import vehicles_of
 from companion.flight.arm_step import ArmStep
 from companion.geometry.frames import yaw_of
@@ -55,7 +55,7 @@ class Cycle:
     late_s: float
     frame: MocapFrame | None
     """The newest, used or not."""
-    estimate: EstimatorState
+    estimate: Estimate
     status: AutopilotStatus
     streaming: bool
     sent: AttitudeThrust | None

@@ -8,7 +8,7 @@ from companion.control.horizon_correction import HorizonInput
 from companion.control.pipeline import changed
 from companion.control.wire_setpoint import Wire, WireSetpoint
 from companion.core.types import AttitudeThrust, AutopilotStatus
-from companion.estimation.estimator import EstimatorState, Verdict, age_s
+from companion.estimation.estimator import Estimate, Verdict, age_s
 from companion.flight.setpoint_stream import SetpointStream
 from companion.flight.tick_timer import control_step_s
 from companion.supervisor.faults import Event, Fault
@@ -52,7 +52,7 @@ class HorizonStep:
     def correct(
         self,
         setpoint: AttitudeThrust,
-        estimate: EstimatorState,
+        estimate: Estimate,
         status: AutopilotStatus,
         events: Iterable[Event],
         flight: FlightState,

@@ -5,7 +5,7 @@ import math
 
 from companion.control.pipeline import ControlPipeline, PipelineOutput
 from companion.core.types import Array, AttitudeThrust
-from companion.estimation.estimator import EstimatorState, age_s
+from companion.estimation.estimator import Estimate, age_s
 from companion.flight.arm_step import ArmStep
 from companion.flight.tick_timer import control_step_s
 from companion.guard.limits import LimitedSetpoint
@@ -50,7 +50,7 @@ class LawStep:
         self.fault, self._not_finite = "", 0
 
     def control(
-        self, flight: FlightState, estimate: EstimatorState, sent: AttitudeThrust, now_s: float
+        self, flight: FlightState, estimate: Estimate, sent: AttitudeThrust, now_s: float
     ) -> tuple[PipelineOutput | None, LimitedSetpoint | None]:
         """Return this cycle's setpoint, limited; None in phases that send nothing, and where the law raises.
 
@@ -63,7 +63,7 @@ class LawStep:
             return None, None
         if limited is not None and limited.failure:
             self.fault = f"the guard failed: {limited.failure}"
-        bad = limited is not None and bool(limited.not_finite.any())
+        bad = limited is not None and bool(limited.not_finite)
         self._not_finite = self._not_finite + 1 if bad else 0
         if self._not_finite > self._not_finite_limit:
             self.fault = f"the control law gave no finite command for {self._not_finite_limit} cycles"
@@ -87,7 +87,7 @@ class LawStep:
         self.fault = f"the control law failed: {type(error).__name__}: {error}"
 
     def _control(
-        self, flight: FlightState, estimate: EstimatorState, sent: AttitudeThrust, now_s: float
+        self, flight: FlightState, estimate: Estimate, sent: AttitudeThrust, now_s: float
     ) -> tuple[PipelineOutput | None, LimitedSetpoint | None]:
         dt_s = control_step_s(now_s - self._last_s, self._period_s)
         self._last_s = now_s

@@ -28,6 +28,11 @@ class SetpointStream:
         """The law's setpoint that the autopilot is told now, what the vehicle is to do; None while nothing leaves."""
         return self.law_sent if self.on else None
 
+    @property
+    def failing(self) -> bool:
+        """True while setpoints cannot be sent."""
+        return math.isfinite(self._unsent_since_s)
+
     def begin(self, at: AttitudeThrust) -> None:
         """A new stream, whose first setpoint is limited as if `at` had left before it; an earlier one ends."""
         if self.on:
@@ -52,7 +57,7 @@ class SetpointStream:
         return self._clock.now_s()
 
     def _fail(self, error: Exception) -> None:
-        if math.isfinite(self._unsent_since_s):
+        if self.failing:
             return
         self._unsent_since_s = self._clock.now_s()
         self._why_unsent = str(error) if isinstance(error, CompanionError) else f"{type(error).__name__}: {error}"

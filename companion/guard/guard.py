@@ -5,13 +5,14 @@ and the state the command was computed from. Pure, single vehicle, plain floats.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from companion.core.types import Array, AttitudeThrust, OtherVehicle, Vec3, VehicleState
 from companion.geometry.attitude import ThrustModel, collective_force_n, limit_tilt, setpoint_of_accel
-from companion.geometry.frames import quat_from_yaw, up_axis_floats, yaw_of
+from companion.geometry.frames import quat_from_yaw, yaw_of
 from companion.guard.geofence import Allowed, Fence, Range
 from companion.guard.limits import LimitedSetpoint, Limits, inside_cone, limit_setpoint
 from companion.guard.separation import NO_WALLS, Separation, Walls
@@ -29,6 +30,10 @@ _YES = np.array(True)
 _CORNER_ROUNDS = 8
 """Rounds in which fence and other vehicles are reconciled: each halves what is left at the sharpest corner."""
 
+Quat = Sequence[float]
+"""Attitude as four floats."""
+FloatSetpoint = Sequence[float]
+"""Attitude and thrust as five floats."""
 Motion = tuple[Vec3, Vec3, Array, tuple[OtherVehicle, ...]]
 """Position (m), velocity (m/s), attitude, the other vehicles."""
 Near = tuple[Allowed, Walls, Array]
@@ -142,6 +147,30 @@ class Guard:
                 failure=f"{type(error).__name__}: {error}",
             )
 
+    def passes(
+        self, setpoint: FloatSetpoint, last: AttitudeThrust, vehicle: VehicleState | None, age_s: float, dt_s: float
+    ) -> bool:
+        """Return True if `check` of a command of this cycle only applies `limit_setpoint`; False in doubt.
+
+        The same verdict, with every number taken from its array once: it stands between frame and setpoint.
+        """
+        try:
+            if vehicle is None or not dt_s > _SHORTEST_S:
+                return False
+            if self._pose_ages.share(age_s) != 1.0 or self._command_ages.share(0.0) != 1.0:
+                return False
+            position, velocity = vehicle.position_w_m.tolist(), vehicle.velocity_w_mps.tolist()
+            now, before, wanted = vehicle.q_w_flu_wxyz.tolist(), last.q_w_flu_wxyz.tolist(), setpoint[:4]
+            thrust, push = setpoint[4], last.thrust.item()
+            if not (_has_unit_length(now) and _has_unit_length(before) and _has_unit_length(wanted)):
+                return False
+            if not math.isfinite(sum(position) + sum(velocity) + push):
+                return False
+            allowed, walls = self._allowed_at(position, velocity, (now, before), push, vehicle.others)
+            return self._is_inside(wanted, thrust, allowed, walls)
+        except Exception:  # `check` will tell
+            return False
+
     def level(self, yaw_rad: float) -> AttitudeThrust:
         """Return a level setpoint at this heading that sinks gently."""
         return AttitudeThrust(quat_from_yaw(yaw_rad), np.array(SINKING * self._model.hover_thrust))
@@ -179,16 +208,29 @@ class Guard:
             separation_cut=np.array(braked.separation),
         )
 
-    def _accel(self, q: Array, thrust: float) -> Vec3:
+    def _accel(self, q: Quat, thrust: float) -> Vec3:
         """Return the acceleration (m/s^2) of a setpoint in floats; see attitude.accel_of_setpoint."""
         push = collective_force_n(thrust, self._model) / self._model.mass_kg
-        x, y, z = up_axis_floats(q)
-        return push * x, push * y, push * z - self._model.gravity_mps2
+        w, x, y, z = q
+        up = 1 - 2 * (x * x + y * y)
+        return push * (2 * (x * z + w * y)), push * (2 * (y * z - w * x)), push * up - self._model.gravity_mps2
 
     def _allowed(self, motion: Motion, last: AttitudeThrust) -> tuple[Allowed, Walls]:
+        position, velocity, q, others = motion
+        return self._allowed_at(
+            position, velocity, (q.tolist(), last.q_w_flu_wxyz.tolist()), float(last.thrust), others
+        )
+
+    def _allowed_at(
+        self,
+        position: Vec3,
+        velocity: Vec3,
+        attitudes: tuple[Quat, Quat],
+        thrust: float,
+        others: tuple[OtherVehicle, ...],
+    ) -> tuple[Allowed, Walls]:
         """Return what fence and others allow; what acts now is the mean of present attitude and last setpoint."""
-        (position, velocity, q, others), thrust = motion, float(last.thrust)
-        now, next_ = self._accel(q, thrust), self._accel(last.q_w_flu_wxyz, thrust)
+        now, next_ = self._accel(attitudes[0], thrust), self._accel(attitudes[1], thrust)
         acting = 0.5 * (now[0] + next_[0]), 0.5 * (now[1] + next_[1]), 0.5 * (now[2] + next_[2])
         allowed = self._fence.allowed_accel_w_mps2(position, velocity, acting)
         if self._separation is None or not others:
@@ -197,14 +239,15 @@ class Guard:
 
     def _passes(self, setpoint: AttitudeThrust, allowed: Allowed, walls: Walls) -> bool:
         """Return True for a setpoint inside all limits, by a quick check; False for one that is not finite."""
-        thrust = float(setpoint.thrust)
-        x, y, z = self._accel(setpoint.q_w_flu_wxyz, thrust)
+        q = setpoint.q_w_flu_wxyz.tolist()
+        return _has_unit_length(q) and self._is_inside(q, float(setpoint.thrust), allowed, walls)
+
+    def _is_inside(self, q: Quat, thrust: float, allowed: Allowed, walls: Walls) -> bool:
+        x, y, z = self._accel(q, thrust)
         (x0, x1), (y0, y1), (_, z1) = allowed
         inside = x0 <= x <= x1 and y0 <= y <= y1 and z <= z1 and (walls is NO_WALLS or walls.let((x, y, z)))
-        return inside and self._limits.min_thrust <= thrust <= self._limits.max_thrust and self._is_upright(setpoint)
-
-    def _is_upright(self, setpoint: AttitudeThrust) -> bool:
-        return up_axis_floats(setpoint.q_w_flu_wxyz)[2] >= self._upright and not _is_invalid(setpoint)
+        upright = 1 - 2 * (q[1] * q[1] + q[2] * q[2]) >= self._upright
+        return inside and upright and self._limits.min_thrust <= thrust <= self._limits.max_thrust
 
     def _braked(self, setpoint: AttitudeThrust, near: Near) -> Braked:
         """Return `setpoint` itself if fence and others allow it, else the nearest setpoint that brakes.
@@ -213,7 +256,7 @@ class Guard:
         """
         allowed, walls, now_q = near
         gravity = self._model.gravity_mps2
-        x, y, z = self._accel(setpoint.q_w_flu_wxyz, float(setpoint.thrust))
+        x, y, z = self._accel(setpoint.q_w_flu_wxyz.tolist(), float(setpoint.thrust))
         apart, (bx, by, bz) = self._kept_inside((x, y, z), allowed, walls)
         if (bx, by, bz) == (x, y, z):
             return Braked(setpoint)
@@ -276,8 +319,12 @@ def _motion(vehicle: VehicleState | None) -> Motion | None:
 
 
 def _is_rotation(q: Array) -> bool:
-    w, x, y, z = q.tolist()
-    return bool(abs(w * w + x * x + y * y + z * z - 1.0) < 1e-3)
+    return _has_unit_length(q.tolist())
+
+
+def _has_unit_length(q: Quat) -> bool:
+    w, x, y, z = q
+    return abs(w * w + x * x + y * y + z * z - 1.0) < 1e-3
 
 
 def _is_invalid(setpoint: AttitudeThrust) -> bool:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from companion.compiled.leaves import flat
 from companion.compiled.library import library, side_by_side
+from companion.control.compiled.cycle import Law, example_law
 from companion.control.compiled_law import lookahead_of
 from companion.control.controller import Controller
 from companion.control.etnn import Etnn
@@ -23,7 +24,7 @@ from companion.geometry.frames import flip_quat
 from companion.guard.limits import Limits
 from companion.simulation.mission import Mission, References
 from companion.simulation.traced_laws import SURROUNDINGS, WORTH_COMPILING, Surroundings, code_of
-from companion.simulation.traces import Law, carrier_of, example_law
+from companion.simulation.traces import carrier_of
 from companion.simulation.virtual_world import STEP_S, VirtualVehicle, hover_signal, hovering, steps_of
 from mock_autopilot.physics.arms import Coupling
 from mock_autopilot.physics.disturbance import BLOCK, noise_of, steady_series

@@ -15,6 +15,7 @@ import numpy as np
 from companion.compiled.leaves import flat
 from companion.compiled.library import SOURCE
 from companion.compiled.own_code import own_code
+from companion.control.compiled.cycle import Held, Pipeline
 from companion.control.controller import Controller
 from companion.control.law_check import raised
 from companion.control.network import NetworkState
@@ -23,7 +24,7 @@ from companion.core.values import value
 from companion.geometry.attitude import ThrustModel
 from companion.guard.limits import Limits
 from companion.simulation import traces
-from companion.simulation.traces import Flown, Given, Held, Pipeline
+from companion.simulation.traces import Flown, Given
 
 WORTH_COMPILING = 50
 """Vehicles from which a law is compiled: it takes a second or two, once for each version of law, gains and vehicle."""

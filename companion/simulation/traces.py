@@ -13,24 +13,23 @@ import numpy as np
 
 import companion.compiled
 from companion.compiled.c_source import CFunction, traced
+from companion.control.compiled import cycle
+from companion.control.compiled.cycle import CycleInput, Halfway, Held, Law, Pipeline, command, example_law
+from companion.control.compiled.wire import NO_HORIZONS, Horizons, NumberedWire, Sending, corrected
 from companion.control.compiled_law import NO_LOOKAHEAD, Lookahead, NumberedPredictor
 from companion.control.controller import ControlInput
-from companion.control.disturbance import Disturbance, no_disturbance
-from companion.control.etnn import Decided, Etnn, EtnnMemory
+from companion.control.etnn import Etnn, EtnnMemory
 from companion.control.gains import EtnnGains
-from companion.control.horizon_correction import Horizon, HorizonInput, HorizonRules, no_horizon
+from companion.control.horizon_correction import HorizonInput, HorizonRules
 from companion.control.network import NetworkState, initial_network
-from companion.control.pipeline import ControlPipeline
-from companion.control.wire_setpoint import WireSetpoint
-from companion.core.types import Array, AttitudeThrust, Reference, Scalar, VehicleState
+from companion.core.types import Array, AttitudeThrust, Reference, VehicleState
 from companion.core.values import value
 from companion.estimation import attitude as att
-from companion.estimation import estimator, kalman
-from companion.estimation.attitude import Attitude
+from companion.estimation import estimator, usual_frame
 from companion.estimation.estimator import EstimatorParams
 from companion.estimation.kalman import Motion
+from companion.estimation.usual_frame import NOT_FOLLOWED, Filters, Followed, Measured
 from companion.geometry.array_math import where_each
-from companion.geometry.attitude import ThrustModel
 from companion.geometry.frames import matrix_from_quat, quat_from_rotation_vector, quat_multiply, turned
 from companion.guard.limits import Limits
 from companion.simulation.virtual_world import STEP_S
@@ -46,53 +45,6 @@ from mock_autopilot.servos.motor import XM430_W350, Motor
 Numbers = tuple[float, ...]
 SOURCE = Path(companion.compiled.__file__).with_name("traced.c")
 _LEVEL = np.array((1.0, 0.0, 0.0, 0.0))
-_SURELY = 1.0 - 1e-9
-"""Share of the gate within which a frame is accepted whatever the rounding of its distance."""
-
-
-@value
-class Filters:
-    """The estimator's filters."""
-
-    motion: Motion
-    attitude: Attitude
-
-
-@value
-class Held:
-    """Memory of the pipeline."""
-
-    law: object
-    setpoint: AttitudeThrust
-    yaw_rad: Scalar
-    arm_accel_w_mps2: Array
-    disturbance: Disturbance
-
-
-class Pipeline(ControlPipeline):
-    """Pipeline whose memory can be set."""
-
-    def _warm_up(self) -> None:
-        self.forget()
-
-    def begin(self, first: ControlInput, network: NetworkState) -> Held:
-        """Return the memory at lift-off; ET-NN's with this network."""
-        law = self._controller.initial(first)
-        if isinstance(law, EtnnMemory):
-            law = replace(law, network=network)
-        return Held(law, AttitudeThrust(_LEVEL, np.zeros(())), 0.0, np.zeros(3), no_disturbance(first))
-
-    def hold(self, memory: Held) -> None:
-        """Go on from this memory."""
-        self._memory, self._law_setpoint, self._yaw_rad = memory.law, memory.setpoint, memory.yaw_rad
-        self._sent_arm_accel_w_mps2, self._disturbance = memory.arm_accel_w_mps2, memory.disturbance
-
-    def held(self) -> Held:
-        """Return the memory."""
-        assert self._law_setpoint is not None
-        assert self._disturbance is not None
-        arms, disturbance = self._sent_arm_accel_w_mps2, self._disturbance
-        return Held(self._memory, self._law_setpoint, self._yaw_rad, arms, disturbance)
 
 
 @value(kw_only=True)
@@ -106,20 +58,6 @@ class Given:
     known_accel_b_mps2: Array
 
 
-@value(kw_only=True)
-class Law:
-    """Parameters of law, conversion and limits."""
-
-    gains: EtnnGains
-    lookahead: Lookahead
-    model: ThrustModel
-    limits: Limits
-
-    def pipeline(self) -> Pipeline:
-        """Return the pipeline that flies it."""
-        return Pipeline(Etnn(self.gains, NumberedPredictor(self.lookahead)), self.model, self.limits)
-
-
 def begin_estimate(pose: Numbers, params: EstimatorParams) -> dict[str, object]:
     """Begin the filters with one pose: position and rotation matrix row by row."""
     of_motion, of_attitude = estimator.first_covariances(params)
@@ -130,18 +68,17 @@ def begin_estimate(pose: Numbers, params: EstimatorParams) -> dict[str, object]:
 
 def estimate(before: Filters, pose: Numbers, dt_s: float, params: EstimatorParams) -> dict[str, object]:
     """Advance the filters by an accepted pose; `accepted` is 1 where its verdict can be no other."""
-    motion = kalman.predict(before.motion, dt_s, params.jerk_density)
-    attitude = att.predict(before.attitude, dt_s, params.angular_jerk_density)
-    x, y, z = innovation = att.innovation_rad(attitude, pose[3:])
-    a, b, c = (measured - position for measured, position in zip(pose[:3], motion.position, strict=True))
-    gate_m, gate_rad = estimator.gates(motion, attitude, dt_s, params)
-    near = a * a + b * b + c * c <= _SURELY * gate_m * gate_m
-    accepted = near & (x * x + y * y + z * z <= _SURELY * gate_rad * gate_rad)
-    motion = kalman.update(motion, pose[:3], params.noise_m * params.noise_m)
-    return {
-        "after": Filters(motion, att.update(attitude, innovation, params.noise_rad * params.noise_rad)),
-        "accepted": (accepted,),
-    }
+    after, accepted = usual_frame.corrected(before, pose, dt_s, params)
+    return {"after": after, "accepted": (accepted,)}
+
+
+def follow(before: Followed, frame: Measured, params: EstimatorParams) -> dict[str, object]:
+    """Advance the estimator of a flight by a usual frame; `usual` is 1 where it is one."""
+    after, usual = usual_frame.take(before, frame, params)
+    motion, attitude = after.filters.motion, after.filters.attitude
+    captured_s = usual_frame.captured_s(after, params)
+    state = (captured_s, motion.position, motion.velocity, attitude.q, attitude.rate)
+    return {"after": after, "usual": (usual,), "state": state}
 
 
 class Flown(Protocol):
@@ -168,6 +105,12 @@ def fly(memory: Held, given: Given, law: Flown, dt_s: float) -> dict[str, object
     return {"after": pipeline.held(), "setpoint": output.limited.setpoint, "command": command}
 
 
+def pilot(memory: Held, given: CycleInput, law: Law) -> dict[str, object]:
+    """Run one cycle of a flight up to its setpoint."""
+    after, out, halfway = command(memory, given, law)
+    return {"after": after, "out": out, "halfway": halfway}
+
+
 def decide(memory: EtnnMemory, now: ControlInput, gains: EtnnGains, lookahead: Lookahead) -> dict[str, object]:
     """Run the first half of the law's cycle, with the internal values that go into the record."""
     decided, output = Etnn(gains, NumberedPredictor(lookahead)).decide(memory, now)
@@ -175,46 +118,14 @@ def decide(memory: EtnnMemory, now: ControlInput, gains: EtnnGains, lookahead: L
     return {"after": after, "output": (output.accel_w_mps2, output.event, tuple(output.signals.values()))}
 
 
-@value
-class Halfway:
-    """Values that the second half of a cycle needs beside the memory."""
-
-    alpha1: Array
-    y2: Array
-    velocity_ref: Array
-    acceleration_ref: Array
-    dt_s: float
-
-
 def settle(memory: EtnnMemory, halfway: Halfway, gains: EtnnGains) -> dict[str, object]:
     """Run the second half of the law's cycle."""
-    zero = np.zeros(3)
-    now = ControlInput(
-        position_w_m=zero,
-        velocity_w_mps=zero,
-        q_w_flu_wxyz=_LEVEL,
-        rate_flu_radps=zero,
-        age_s=0.0,
-        reference=Reference(zero, halfway.velocity_ref, halfway.acceleration_ref, 0.0),
-        sent_accel_w_mps2=zero,
-        dt_s=halfway.dt_s,
-    )
-    decided = Decided(memory, memory.trigger, memory.predictor, now, halfway.alpha1, halfway.y2)
-    after, signals = Etnn(gains).settle(decided)
-    return {"after": after, "f_hat": (signals["f_hat"],)}
+    after, f_hat = cycle.settle(memory, halfway, gains)
+    return {"after": after, "f_hat": (f_hat,)}
 
 
 @value(kw_only=True)
-class Horizons:
-    """State of the horizon's correction."""
-
-    horizon: Horizon
-    held: Horizon
-    turn_w: Array
-
-
-@value(kw_only=True)
-class Sending:
+class VirtualSending:
     """Setpoint to be corrected, and both attitudes that it is corrected by."""
 
     setpoint: AttitudeThrust
@@ -226,21 +137,18 @@ class Sending:
     autopilot_age_s: float
 
 
-class _Wire(WireSetpoint):
-    """Correction whose state can be set."""
-
-    def hold(self, before: Horizons) -> None:
-        self._horizon, self._held, self._turn_w = before.horizon, before.held, before.turn_w
-
-    def horizons(self) -> Horizons:
-        return Horizons(horizon=self._horizon, held=self._held, turn_w=self._turn_w)
-
-
-def send(before: Horizons, given: Sending, rules: HorizonRules, limits: Limits, dt_s: float) -> dict[str, object]:
+def send(
+    before: Horizons, given: VirtualSending, rules: HorizonRules, limits: Limits, dt_s: float
+) -> dict[str, object]:
     """Correct the autopilot's horizon in a setpoint, while the law flies and motion capture is trusted."""
-    wire = _Wire(HorizonRules(**vars(rules) | {"enabled": True}), limits)
+    wire = NumberedWire(HorizonRules(**vars(rules) | {"enabled": True}), limits)
     wire.hold(before)
-    inputs = HorizonInput(
+    put = wire.put(given.setpoint, given.is_new, given.last, _seen(given), dt_s)
+    return {"after": wire.horizons(), "wire": put.setpoint}
+
+
+def _seen(given: VirtualSending) -> HorizonInput:
+    return HorizonInput(
         q_w_flu_wxyz=given.state.q_w_flu_wxyz,
         rate_flu_radps=given.state.rate_flu_radps,
         age_s=given.age_s,
@@ -249,8 +157,12 @@ def send(before: Horizons, given: Sending, rules: HorizonRules, limits: Limits, 
         trusted=True,
         flying=True,
     )
-    put = wire.put(given.setpoint, given.is_new, given.last, inputs, dt_s)
-    return {"after": wire.horizons(), "wire": put.setpoint}
+
+
+def wire(before: Horizons, given: Sending, rules: HorizonRules, limits: Limits) -> dict[str, object]:
+    """Correct the autopilot's horizon in a setpoint of a flight."""
+    after, out = corrected(before, given, rules, limits)
+    return {"after": after, "out": out}
 
 
 @value(kw_only=True)
@@ -384,8 +296,6 @@ def functions(flown: Flown | None = None) -> list[CFunction]:
     """Trace everything that is compiled, with ET-NN or another law."""
     zero, level, three, four = np.zeros(3), np.array((1.0, 0.0, 0.0, 0.0)), (0.0,) * 3, (0.0,) * 4
     pose, params = (0.0,) * 12, EstimatorParams()
-    covariance = kalman.Covariance(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    filters = Filters(Motion(three, three, three, covariance), Attitude((1.0, 0.0, 0.0, 0.0), three, three, covariance))
     state, setpoint = VehicleState(0.0, zero, zero, level, zero), AttitudeThrust(level, np.array(0.0))
     given = Given(
         state=state,
@@ -396,8 +306,9 @@ def functions(flown: Flown | None = None) -> list[CFunction]:
     )
     law, network = flown or example_law(), initial_network(EtnnGains())
     first = law.pipeline()._given(state, 0.0, given.ahead, setpoint, 0.01, zero)
-    memory, of_etnn = law.pipeline().begin(first, network), example_law().pipeline().begin(first, network).law
-    sending = Sending(
+    memory, etnn = law.pipeline().begin(first, network), example_law().pipeline().begin(first, network)
+    of_flight = CycleInput(state=state, age_s=0.0, ahead=given.ahead, last=setpoint, dt_s=0.01, known_accel_w_mps2=zero)
+    sending = VirtualSending(
         setpoint=setpoint,
         is_new=False,
         last=setpoint,
@@ -406,7 +317,7 @@ def functions(flown: Flown | None = None) -> list[CFunction]:
         autopilot_q_w_flu_wxyz=level,
         autopilot_age_s=0.0,
     )
-    horizons = Horizons(horizon=no_horizon(), held=no_horizon(), turn_w=level)
+    sent = Sending(setpoint=setpoint, is_new=False, last=setpoint, inputs=_seen(sending), dt_s=0.01)
     airframe = Airframe(state=plant_one.in_floats(at_rest(zero)), rate_before=three, trimmed=three)
     driven = Driven(
         q_w_flu_wxyz=level,
@@ -419,21 +330,24 @@ def functions(flown: Flown | None = None) -> list[CFunction]:
     carrier = carrier_of(PlantParams(), zero, zero, ())
     return [
         traced("begin_estimate", begin_estimate, pose=pose, params=params),
-        traced("estimate", estimate, before=filters, pose=pose, dt_s=0.01, params=params),
+        traced("estimate", estimate, before=NOT_FOLLOWED.filters, pose=pose, dt_s=0.01, params=params),
+        traced("follow", follow, before=NOT_FOLLOWED, frame=Measured(pose, 0.0, 0.0), params=params),
         traced("begin_law", begin_law, given=given, law=law, dt_s=0.01, network=network),
         traced("fly", fly, memory=memory, given=given, law=law, dt_s=0.01, fixed=("law", "dt_s")),
-        traced("decide", decide, memory=of_etnn, now=first, gains=EtnnGains(), lookahead=NO_LOOKAHEAD),
-        traced("settle", settle, memory=of_etnn, halfway=Halfway(zero, zero, zero, zero, 0.01), gains=EtnnGains()),
+        traced("decide", decide, memory=etnn.law, now=first, gains=EtnnGains(), lookahead=NO_LOOKAHEAD),
+        traced("settle", settle, memory=etnn.law, halfway=Halfway(zero, zero, zero, zero, 0.01), gains=EtnnGains()),
+        traced("pilot", pilot, memory=etnn, given=of_flight, law=example_law(), fixed=("law",)),
         traced(
             "send",
             send,
-            before=horizons,
+            before=NO_HORIZONS,
             given=sending,
             rules=HorizonRules(),
             limits=Limits(),
             dt_s=0.01,
             fixed=("rules", "limits", "dt_s"),
         ),
+        traced("wire", wire, before=NO_HORIZONS, given=sent, rules=HorizonRules(), limits=Limits()),
         traced("step", step, before=airframe, driven=driven, carrier=carrier),
         traced("horizon_turn", horizon_turn, error_rad=four, share=(0.0,)),
         traced("look", look, pose=(0.0,) * 7, noise=np.zeros(6), size=(0.0, 0.0)),
@@ -464,11 +378,6 @@ _BY_AXIS = (
     *("stiffness", "damping", "torque_gain", "torque_mean", "viscous", "quadratic", "coulomb"),
     *("thrust_gain", "thrust_mean"),
 )
-
-
-def example_law() -> Law:
-    """Return parameters of the shapes that are compiled."""
-    return Law(gains=EtnnGains(), lookahead=NO_LOOKAHEAD, model=ThrustModel(), limits=Limits())
 
 
 def source(traces: list[CFunction]) -> str:

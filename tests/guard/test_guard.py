@@ -51,6 +51,8 @@ def checked(
     """With time enough to get to whatever is wanted, unless the test says otherwise."""
     limited = guard().check(wanted, last, vehicle, age_s, dt_s)
     assert limited.failure == ""
+    if passes(guard(), wanted, last, vehicle, age_s, dt_s):
+        assert same(limited, limit_setpoint(wanted, last, LIMITS, dt_s))
     return limited
 
 
@@ -73,6 +75,12 @@ def same(a: LimitedSetpoint, b: LimitedSetpoint) -> bool:
     )
 
 
+def passes(one: Guard, wanted: Any, last: Any, vehicle: Any, age_s: float, dt_s: float) -> bool:
+    """Ask with a setpoint as floats, as a cycle in flight has it."""
+    q, thrust = (wanted.q_w_flu_wxyz.tolist(), float(wanted.thrust)) if wanted is not None else ([], math.nan)
+    return one.passes((*q, thrust), last, vehicle, age_s, dt_s)
+
+
 def guard() -> Guard:
     return Guard(LIMITS, MODEL, FENCE, AgeRange(0.05, 0.10))
 
@@ -93,6 +101,19 @@ def test_away_from_the_fence_it_is_the_gate_to_the_last_bit_whatever_the_gate_cu
     wanted = AttitudeThrust(asking(lean, 0.2, 0.5, yaw_rad=yaw_rad).q_w_flu_wxyz, np.array(thrust))
     last, vehicle = asking(0.0, 0.1, 0.2, yaw_rad=yaw_rad), at(place, (0.1, -0.1, 0.1), quat_from_yaw(yaw_rad))
     assert same(checked(wanted, vehicle, age_s, last, DT_S), limit_setpoint(wanted, last, LIMITS, DT_S))
+
+
+def test_what_is_only_limited_passes_and_what_is_cut_or_not_known_does_not() -> None:
+    upright, steep = asking(2.0, 0.0, 0.5), asking(7.0, 0.0, 0.0)
+    assert passes(guard(), upright, HOVER, MIDDLE, 0.01, DT_S)
+    assert not passes(guard(), steep, HOVER, MIDDLE, 0.01, DT_S)
+    assert not passes(guard(), upright, HOVER, at((4.4, 0.0, 1.5), (1.0, 0.0, 0.0)), 0.01, DT_S)
+    assert not passes(guard(), upright, HOVER, MIDDLE, 0.06, DT_S), "an old state"
+    assert not passes(guard(), upright, HOVER, None, 0.01, DT_S)
+    assert not passes(guard(), upright, HOVER, MIDDLE, 0.01, 1e-4)
+    assert not passes(guard(), upright, AttitudeThrust(LEVEL, np.array(math.nan)), MIDDLE, 0.01, DT_S)
+    held_up = Guard(LIMITS, MODEL, FENCE, AgeRange(0.05, 0.10), AgeRange(-1.0, 1.0))
+    assert not passes(held_up, upright, HOVER, MIDDLE, 0.01, DT_S), "no command is fresh"
 
 
 @pytest.mark.parametrize(
@@ -598,6 +619,7 @@ def test_what_fits_no_shape_ends_level_sinking_with_every_flag_and_the_reason(
 ) -> None:
     limited = guard().check(wanted, last, vehicle, 0.0, DT_S)
     assert said in limited.failure
+    assert not passes(guard(), wanted, last, vehicle, 0.0, DT_S)
     np.testing.assert_allclose(limited.setpoint.q_w_flu_wxyz, quat_from_yaw(yaw_rad), atol=1e-12)
     assert float(limited.setpoint.thrust) == pytest.approx(SINKING)
     assert cuts(limited) == set(FLAGS)

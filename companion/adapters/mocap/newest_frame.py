@@ -91,7 +91,7 @@ class NewestFrame:
             return
         skipped = max(0, frame.frame - self._latest.frame - 1) if self._latest is not None else 0
         c = self.counts
-        self.counts = replace(c, received=c.received + 1, lost=c.lost + skipped)
+        self.counts = MocapCounts(c.received + 1, c.lost + skipped, c.late, c.malformed, c.doubted)
         self._latest, self._unseen = frame, True
         self._wake()
 
