@@ -199,6 +199,7 @@ class FlightLoop:
         flown = self._flight
         pipeline, limited = self._law.control(flown, self._estimating.latest, self._stream.law_sent, now_s)
         wire, sent_s = self._send(limited, now_s, status)
+        self._horizon.judge(wire)
         if behind:
             self._supervise(self._cycle(now_s, late_s, status, held))
         self._keep_or_end_stream(now_s)

@@ -75,17 +75,17 @@ class HorizonStep:
         dt_s = control_step_s(now_s - self._last_s, self._period_s)
         self._last_s = now_s
         try:
-            wire = self._wire.put(
-                setpoint, bool(changed(setpoint, self._stream.law_sent)), self._stream.wire, seen, dt_s
-            )
+            is_new = bool(changed(setpoint, self._stream.law_sent))
+            return self._wire.put(setpoint, is_new, self._stream.wire, seen, dt_s)
         except Exception:
             LOG.exception("the correction of the horizon failed: setpoints leave as the law wants them")
             self._failed = True
             return None
-        self._judge(wire)
-        return wire
 
-    def _judge(self, wire: Wire) -> None:
+    def judge(self, wire: Wire | None) -> None:
+        """Judge once the setpoint has left whether the horizons are further apart than is corrected."""
+        if wire is None:
+            return
         off_rad = wire.horizon.off_rad
         beyond = wire.inputs.flying and off_rad > self._cap_rad
         self._capped_s = self._capped_s + wire.dt_s if beyond else 0.0

@@ -60,6 +60,7 @@ class Loop:
             status: AutopilotStatus = replace(healthy(0).autopilot, attitude_s=self.now_s)
             events = [Event(fault, "") for fault in faults]
             wire = self.stage.correct(HOVER, estimate, status, events, flight, self.now_s)
+            self.stage.judge(wire)
             self.stream.send(HOVER, None if wire is None else wire.setpoint)
             self.correction_rad = math.nan if wire is None else float(wire.horizon.x)
         return self.correction_rad
