@@ -1,4 +1,4 @@
-"""ET-NN law of one vehicle in compiled code: the same numbers to the last bit, with less memory touched."""
+"""ET-NN law in compiled code: its predictor as numbers of a fixed count, and the law of many vehicles."""
 
 import ctypes
 from dataclasses import replace

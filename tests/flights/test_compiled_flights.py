@@ -60,7 +60,7 @@ EVENTFUL = [
 
 def numbers(tick: Tick) -> dict[str, Any]:
     """Return what a cycle knew and gave."""
-    parts = {"estimate": tick.estimate, "wire": tick.wire and (tick.wire.setpoint, tick.wire.horizon)}
+    parts: dict[str, Any] = {"estimate": tick.estimate, "wire": tick.wire and (tick.wire.setpoint, tick.wire.horizon)}
     if tick.pipeline is not None:
         output = tick.pipeline.law_output
         limited = {name: value for name, value in vars(tick.pipeline.limited).items() if name != "failure"}
