@@ -133,6 +133,15 @@ def _rests_too_near(
     return min(gaps) < 0.0 and gaps[0] < wide.gap_m(own[0], other) - NEARER_M
 
 
+def _from(own_w_m: Vec3, path_w_m: tuple[Vec3, ...]) -> tuple[Vec3, ...]:
+    """Return the way ahead from where the vehicle is: the guard may have pushed it away from its reference.
+
+    By the reference alone, a way out of the margin would seem to begin nearer to the other vehicle, and be held.
+    """
+    dx, dy, dz = (here - begin for here, begin in zip(own_w_m, path_w_m[0], strict=True))
+    return tuple((x + dx, y + dy, z + dz) for x, y, z in path_w_m)
+
+
 def _meets(
     other: OtherVehicle, own: tuple[Vec3, Vec3], now: HealthInputs, rules: SafetyRules, separation: SeparationRules
 ) -> bool:
@@ -140,7 +149,7 @@ def _meets(
     wide = separation.cylinder.widened(rules.yield_margin_m)
     if not now.path_w_m:
         return False
-    on_m = least_gap_m(now.path_w_m, other, wide)
+    on_m = least_gap_m(_from(own[0], now.path_w_m), other, wide)
     if not on_m < min(0.0, wide.gap_m(own[0], other) - NEARER_M):
         return False
     held = stopping_path(*own, separation.cylinder, rules.yield_ahead_s)

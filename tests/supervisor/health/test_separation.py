@@ -124,6 +124,15 @@ def test_who_crosses_faster_by_going_on_goes_on() -> None:
     assert kinds(LATER, other(-0.9, -2.9, velocity=(0.0, 1.0, 0.0)), velocity=(1.2, 0.0, 0.0)) == NOTHING
 
 
+def test_a_way_out_is_no_traffic_for_one_whose_reference_is_nearer_than_itself() -> None:
+    """The guard has pushed it 0.25 m away from where it was to hover."""
+    now = beside(0, other(1.34), velocity=(-0.1, 0.0, 0.0))
+    nearer = tuple((x + 0.25, y, z) for x, y, z in now.path_w_m)
+    assert watched([replace(now, path_w_m=nearer)], separation=LATER)[0] == ()
+    comes = tuple((HERE[0] + 0.25 + 0.2 * k * STEP_S, *HERE[1:]) for k in range(POINTS))
+    assert faults(watched([replace(now, path_w_m=comes)], separation=LATER)[0]) == [Fault.TRAFFIC]
+
+
 def test_neighbours_that_hover_or_move_apart_do_not_disturb_each_other() -> None:
     for x_m in (1.31, 1.45, 1.6):
         assert kinds(LATER, other(x_m)) == NOTHING
