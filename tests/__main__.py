@@ -13,8 +13,8 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
+from typing import IO
 from xml.etree import ElementTree
 
 from tests import packages
@@ -22,7 +22,8 @@ from tests.conftest import ALONE, runs_alone
 
 _NO_TESTS = 5
 """pytest's exit code where nothing was selected."""
-_LOWEST_PRIORITY = ("nice", "-n", "19")
+_LATER, _LAST = 6, 19
+"""Nice values: of links, whose devices mostly wait but whose modules take long to import; of what has no clock."""
 _EVERY_CORE = ("-n", str(os.cpu_count() or 1), "--dist", "loadfile", "--no-loadscope-reorder")
 """A process for each core; a file of tests in one of them: it shares its flights."""
 _COLLECT = (sys.executable, "-m", "pytest", "-qq", "--collect-only", "-p", "no:cacheprovider")
@@ -62,11 +63,11 @@ def _run(folder: Path, only: str, rest: list[str]) -> int:
     beside: list[_Beside] = []
     try:
         if covered:
-            beside.append(_Beside(_LOWEST_PRIORITY, _under_coverage(folder)))
-        subprocess.run([*_LOWEST_PRIORITY, *_COLLECT, *rest], check=False, stdout=subprocess.DEVNULL)
-        beside.append(_Beside([], _pytest(_LINKS, only, folder, [*rest, *_under(rest, _with_links())])))
+            beside.append(_Beside(_LAST, _under_coverage(folder)))
+        _begin(_LAST, [*_COLLECT, *rest], subprocess.DEVNULL).wait()
+        beside.append(_Beside(_LATER, _pytest(_LINKS, only, folder, [*rest, *_under(rest, _with_links())])))
         others = [f"--ignore={path}" for path in covered]
-        beside.append(_Beside(_LOWEST_PRIORITY, _pytest(_SIMULATED, only, folder, [*_EVERY_CORE, *rest, *others])))
+        beside.append(_Beside(_LAST, _pytest(_SIMULATED, only, folder, [*_EVERY_CORE, *rest, *others])))
         codes = {flights.wait()}
         print("waiting for the tests of links, and those in simulated time ...", flush=True)
         codes |= {process.wait() for process in beside}
@@ -96,14 +97,9 @@ def _under(rest: list[str], paths: list[str]) -> list[str]:
 class _Beside:
     """A run of pytest whose output is shown when it has ended."""
 
-    def __init__(self, prefix: Sequence[str], command: list[str]) -> None:
+    def __init__(self, nice: int, command: list[str]) -> None:
         self._output = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115 - closed by end()
-        last = prefix == _LOWEST_PRIORITY
-        self._process = subprocess.Popen(
-            [*prefix, *command], stdout=self._output, stderr=self._output, start_new_session=last
-        )
-        if last:
-            _give_way(self._process.pid)
+        self._process = _begin(nice, command, self._output)
 
     def wait(self) -> int:
         """Return its exit code."""
@@ -119,14 +115,17 @@ class _Beside:
             sys.stdout.flush()
 
 
-def _give_way(session: int) -> None:
-    """Give a whole session the lowest priority: where Linux groups processes by session, nice counts within one only.
+def _begin(nice: int, command: list[str], output: IO[str] | int) -> "subprocess.Popen[bytes]":
+    """Begin a command as a session of low priority: where Linux groups processes by session, nice counts within one.
 
     Mocks and services of the flights are sessions of their own, and would wait for the others' turn like any.
     """
-    group = Path(f"/proc/{session}/autogroup")
+    whole = ["nice", "-n", str(nice), *command]
+    process = subprocess.Popen(whole, stdout=output, stderr=output, start_new_session=True)
+    group = Path(f"/proc/{process.pid}/autogroup")
     if group.exists():
-        group.write_text("19", encoding="ascii")
+        group.write_text(str(nice), encoding="ascii")
+    return process
 
 
 def _under_coverage(folder: Path) -> list[str]:
