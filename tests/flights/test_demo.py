@@ -57,17 +57,6 @@ def _agrees_with_the_simulation(flown: dict[str, Any], simulated: dict[str, Any]
     assert math.hypot(*flown["mean_error_m"]) == pytest.approx(simulated["error_m"], rel=0.2), simulated["mean_error_m"]
 
 
-async def test_ctrl_c_lands(tmp_path: Path) -> None:
-    running = await start("demo", "--free-ports", "--out", tmp_path, "--summary", tmp_path / "summary.json")
-    await running.until_line("hold")
-    running.interrupt()
-    ran = await running.ended()
-    assert ran.code == 130, ran.said
-    assert "interrupted: landing" in ran.out
-    assert "disarmed" in ran.out
-    assert "Traceback" not in ran.said
-
-
 async def test_motion_capture_silent_before_takeoff_is_one_sentence_and_a_safe_vehicle(tmp_path: Path) -> None:
     mock = mock_config(tmp_path, ("rate_hz = 100.0", "rate_hz = 100.0\nsilences = [{start_s = 3.0, for_s = 600.0}]"))
     ran = await run("demo", "--free-ports", "--mock-config", mock, "--out", tmp_path)
@@ -85,3 +74,14 @@ async def test_a_body_that_is_not_seen_is_not_armed(tmp_path: Path) -> None:
     assert ran.code == 1, ran.said
     assert "is not seen by motion capture" in ran.out
     assert "armed" not in ran.out.replace("disarmed", "")
+
+
+async def test_ctrl_c_lands(tmp_path: Path) -> None:
+    running = await start("demo", "--free-ports", "--out", tmp_path, "--summary", tmp_path / "summary.json")
+    await running.until_line("hold")
+    running.interrupt()
+    ran = await running.ended()
+    assert ran.code == 130, ran.said
+    assert "interrupted: landing" in ran.out
+    assert "disarmed" in ran.out
+    assert "Traceback" not in ran.said

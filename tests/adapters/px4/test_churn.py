@@ -12,7 +12,7 @@ from companion.core.interfaces import AutopilotError
 from tests.adapters.px4.churn import churn
 from tests.adapters.px4.fake_px4 import FakePx4, acknowledgement
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.realtime]
 
 
 def test_no_cycle_of_opening_and_closing_ends_the_process() -> None:

@@ -17,7 +17,7 @@ from companion.control.pipeline import idle_setpoint
 from companion.core.interfaces import AutopilotError
 from tests.adapters.px4.fake_px4 import FakePx4, battery, extended_sys_state, text
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.realtime]
 
 ARDUPILOT = 3
 ARM_DISARM, NAV_LAND, REQUEST_MESSAGE = 400, 21, 512

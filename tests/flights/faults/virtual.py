@@ -9,6 +9,7 @@ import numpy as np
 
 from companion.supervisor.flight_state import LandRequest, Phase, ResumeRequest, TakeoffRequest, TrackRequest
 from companion.trajectories.reference import Ellipse, LapTiming
+from mock_autopilot.world import STEP_S
 from tests.flights.faults.judge import Result, judged
 from tests.flights.faults.rows import CONFIG, Conditions, Row, When
 from tests.flights.faults.table import VIRTUAL
@@ -137,5 +138,6 @@ async def fly_to_the_end(script: list[Step], conditions: Conditions, seed: int) 
             config=conditions.config,
             seed=seed,
             longest_s=LONGEST_S,
+            step_s=STEP_S,  # the mock's own: times of reaction are measured
             **conditions.more,
         )
