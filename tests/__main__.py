@@ -22,8 +22,8 @@ from tests.conftest import ALONE, runs_alone
 
 _NO_TESTS = 5
 """pytest's exit code where nothing was selected."""
-_LATER, _LAST = 6, 19
-"""Nice values: of links, whose devices mostly wait but whose modules take long to import; of what has no clock."""
+_BESIDE, _LAST = 0, 19
+"""Nice values: of what has a clock, and runs beside a flight; of what has none."""
 _EVERY_CORE = ("-n", str(os.cpu_count() or 1), "--dist", "loadfile", "--no-loadscope-reorder")
 """A process for each core; a file of tests in one of them: it shares its flights."""
 _COLLECT = (sys.executable, "-m", "pytest", "-qq", "--collect-only", "-p", "no:cacheprovider")
@@ -65,7 +65,7 @@ def _run(folder: Path, only: str, rest: list[str]) -> int:
         if covered:
             beside.append(_Beside(_LAST, _under_coverage(folder)))
         _begin(_LAST, [*_COLLECT, *rest], subprocess.DEVNULL).wait()
-        beside.append(_Beside(_LATER, _pytest(_LINKS, only, folder, [*rest, *_under(rest, _with_links())])))
+        beside.append(_Beside(_BESIDE, _pytest(_LINKS, only, folder, [*rest, *_under(rest, _with_links())])))
         others = [f"--ignore={path}" for path in covered]
         beside.append(_Beside(_LAST, _pytest(_SIMULATED, only, folder, [*_EVERY_CORE, *rest, *others])))
         codes = {flights.wait()}

@@ -137,7 +137,7 @@ class FakeServer:
             await socket.close()
             return
         await socket.accept()
-        greeting = {"vehicles": list(self.names), "can_command": self._may(socket), "password": self.password}
+        greeting = {"vehicles": list(self.vehicles), "can_command": self._may(socket), "password": self.password}
         await socket.send_json({"type": "hello", **greeting, "version": "0.1.0", "time_s": time.time()})
         await socket.send_json({"type": "broker", "linked": True})
         for vehicle in self.vehicles.values():

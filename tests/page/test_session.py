@@ -12,7 +12,12 @@ from tests.page.fake_server import FakeServer
 pytestmark = [pytest.mark.realtime, needs("chromium")]
 
 
+NOTHING_YET = re.compile(r"^no (vehicle|state) yet$")
+"""Phase before a vehicle is known, and before its first state."""
+
+
 def press(page: Page, verb: str) -> None:
+    expect(page.locator("#phase")).not_to_have_text(NOTHING_YET)
     page.locator(f"[data-command={verb}]").first.click()
 
 
@@ -119,6 +124,15 @@ def test_abort_disarms_on_the_ground_and_resume_says_why_not(browser: Browser, o
         press(page, "abort")
         answers(page, "abort", "done: disarmed")
         expect(page.locator("#phase")).to_have_text("disarmed")
+
+
+def test_who_presses_before_a_vehicle_is_known_is_told(browser: Browser, one: FakeServer) -> None:
+    one.vehicles.clear()
+    with opened(browser, one.url) as page:
+        expect(page.locator("#rights")).to_contain_text("may command")
+        page.locator("[data-command=hold]").click()
+        expect(page.locator("#last")).to_contain_text("refused: the page knows no vehicle yet")
+    assert one.commands == []
 
 
 def test_commands_go_to_one_vehicle_or_to_all_that_are_chosen(browser: Browser, three: FakeServer) -> None:

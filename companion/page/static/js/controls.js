@@ -40,6 +40,10 @@ export class Controls {
   press(button) {
     const verb = button.dataset.command ?? "";
     if (!this.allowed()) return;
+    if (this.fleet.focusName === "") {
+      this.commands.note({ text: "the page knows no vehicle yet" });
+      return;
+    }
     const fields = this.fields(verb, button.dataset.do ?? "");
     const names = TO_ALL.has(verb) ? [...this.fleet.selected] : [this.fleet.focusName];
     for (const name of names) this.commands.send(name, verb, fields);
