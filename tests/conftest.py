@@ -33,15 +33,11 @@ _PASSES_TO_END = 5
 """Passes of the event loop that a cancelled task needs to end: aiomqtt does not await its own as a client closes."""
 ALONE = ("tests/flights", "tests/page", "tests/benchmarks")
 """Folders whose tests in real time are run one after the other."""
-BESIDE_A_FLIGHT = tuple(
-    f"tests/flights/test_{name}.py" for name in ("arm_faults", "dead_man", "mocap_over_mqtt", "wrong_body")
-)
-"""Files in them whose flights mostly wait, for PX4 to land: a quarter of a core and less."""
 
 
 def runs_alone(path: str) -> bool:
     """Return True for a file whose tests in real time want most of the computer."""
-    return any(alone in path for alone in ALONE) and not path.endswith(BESIDE_A_FLIGHT)
+    return any(alone in path for alone in ALONE)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
