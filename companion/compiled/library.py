@@ -87,19 +87,22 @@ def _digest() -> str:
 
 def build() -> str:
     """Compile the source with the system's C compiler; return a sentence that says what became of it."""
-    trouble = _compile(SOURCE, LIBRARY)
+    flags = (*FLAGS, f'-DSOURCES="{_digest()}"')
+    trouble = compiled(SOURCE, LIBRARY, flags)
     if trouble:
         return f"no compiled law, as {trouble}: Python flies, with the same numbers, slower"
     widths = WIDTHS if platform.machine() == "x86_64" else {}
-    failed = {width: _compile(BATCH, batch_path(width), f"-DWIDTH={width}", *widths[width]) for width in widths}
+    failed = {
+        width: compiled(BATCH, batch_path(width), (*flags, f"-DWIDTH={width}", *widths[width])) for width in widths
+    }
     built = [str(width) for width, why in failed.items() if not why]
     wide = f", and for {' or '.join(built)} vehicles side by side" if built else ""
     return f"the law is compiled{wide}: {LIBRARY.name}"
 
 
-def _compile(source: Path, to: Path, *flags: str) -> str:
-    """Compile one file; return what went wrong, or nothing."""
-    command = ["cc", *FLAGS, *flags, f'-DSOURCES="{_digest()}"', "-o", str(to), str(source), "-lm"]
+def compiled(source: Path, to: Path, flags: Sequence[str]) -> str:
+    """Compile one file with the system's C compiler; return what went wrong, or nothing."""
+    command = ["cc", *flags, "-o", str(to), str(source), "-lm"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)  # noqa: S603
     except (OSError, subprocess.TimeoutExpired) as error:

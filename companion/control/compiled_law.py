@@ -44,9 +44,15 @@ NO_LOOKAHEAD = Lookahead(
 """The shapes of these numbers."""
 
 
-def lookahead_of(predictor: Predictor) -> Lookahead | None:
-    """Return a predictor as numbers; None if it remembers more commands than there is room for."""
-    weights = predictor.weights
+def lookahead_of(law: Controller) -> Lookahead | None:
+    """Return the prediction of an ET-NN law as numbers.
+
+    None for a law that is not compiled: another one, one of another size, or without a prediction, or whose prediction
+    remembers more commands than there is room for.
+    """
+    if type(law) is not Etnn or law.predictor is None or law.gains.hidden != EtnnGains().hidden:
+        return None
+    predictor, weights = law.predictor, law.predictor.weights
     commands = weights.drives.shape[-1] - 2
     if commands > COMMANDS:
         return None
@@ -143,12 +149,10 @@ def _alone(row: Array) -> ControlInput:
 
 def compiled_law_of_many(law: Controller) -> Controller:
     """Return the compiled twin of a law for vehicles (B,); the law itself where there is none."""
-    code = library()
-    if code is None or type(law) is not Etnn or law.predictor is None or law.gains.hidden != EtnnGains().hidden:
+    code, lookahead = library(), lookahead_of(law)
+    if code is None or lookahead is None:
         return law
-    lookahead = lookahead_of(law.predictor)
-    if lookahead is None:
-        return law
+    assert isinstance(law, Etnn)
     return CompiledLawOfMany(law, flat(law.gains, law.gains)[0], flat(lookahead, NO_LOOKAHEAD)[0], code)
 
 

@@ -10,12 +10,10 @@ from companion.estimation import attitude as att
 from companion.estimation import estimator, kalman
 from companion.estimation.attitude import Attitude
 from companion.estimation.clock_sync import ClockSync, is_ahead, observe_later, to_local_s
-from companion.estimation.estimator import EstimatorParams, EstimatorState
+from companion.estimation.estimator import EstimatorParams, EstimatorState, Pose
 from companion.estimation.kalman import Covariance, Motion
 from companion.geometry.array_math import math_module
 
-Pose = tuple[float, ...]
-"""Position, then the rotation row by row."""
 _SURELY = 1.0 - 1e-9
 """Share of a gate within which a frame is accepted whatever the rounding of its distance."""
 

@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from companion.compiled.leaves import flat
 from companion.compiled.library import library, side_by_side
-from companion.control.compiled.cycle import Law, example_law
-from companion.control.compiled_law import lookahead_of
+from companion.control.compiled.cycle import example_law, law_of
 from companion.control.controller import Controller
 from companion.control.etnn import Etnn
-from companion.control.gains import EtnnGains
 from companion.control.horizon_correction import HorizonRules
 from companion.control.network import initial_network
 from companion.control.pipeline import idle_setpoint
@@ -108,13 +106,13 @@ def _code_of(law: Controller, model: ThrustModel, limits: Limits, vehicles: int)
         if isinstance(traced, str):
             return traced
         return _Code(one=traced, together=None, law=around, like=SURROUNDINGS, network=np.zeros(1))
-    lookahead = None if law.predictor is None else lookahead_of(law.predictor)
-    if lookahead is None or law.gains.hidden != EtnnGains().hidden:
+    numbers = law_of(law, model, limits)
+    if numbers is None:
         return "the compiled ET-NN has a prediction over few commands, and four hidden neurons"
     return _Code(
         one=loaded,
         together=side_by_side(),
-        law=Law(gains=law.gains, lookahead=lookahead, model=model, limits=limits),
+        law=numbers,
         like=example_law(),
         network=np.concatenate([part.ravel() for part in vars(initial_network(law.gains)).values()]),
     )

@@ -89,10 +89,11 @@ class Law:
 
 def law_of(law: Controller, model: ThrustModel, limits: Limits) -> Law | None:
     """Return a law's parameters; None for a law that is not compiled."""
-    if type(law) is not Etnn or law.predictor is None or law.gains.hidden != EtnnGains().hidden:
+    lookahead = lookahead_of(law)
+    if lookahead is None:
         return None
-    lookahead = lookahead_of(law.predictor)
-    return None if lookahead is None else Law(gains=law.gains, lookahead=lookahead, model=model, limits=limits)
+    assert isinstance(law, Etnn)
+    return Law(gains=law.gains, lookahead=lookahead, model=model, limits=limits)
 
 
 def example_law() -> Law:
