@@ -8,6 +8,7 @@ import numpy as np
 from companion.core.paper_vehicle import ATTITUDE_BANDWIDTH_RADPS, GRAVITY_MPS2, MASS_KG
 from companion.core.types import Array, Reference, Scalar
 
+Begun_co = TypeVar("Begun_co", covariant=True)
 Memory = TypeVar("Memory")
 Decided = TypeVar("Decided")
 """Memory of a law from one cycle to the next, and between the halves of a cycle: values that the law alone reads."""
@@ -88,10 +89,10 @@ Controller = Law[Any]
 
 
 @runtime_checkable
-class SeededLaw(Law[Memory], Protocol[Memory]):
+class SeededLaw(Protocol[Begun_co]):
     """Law that can take control in the air with a known disturbance, so that it need not estimate the wind again."""
 
-    def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> Memory:
+    def initial_with(self, now: ControlInput, known_disturbance_w_mps2: Array) -> Begun_co:
         """Return the memory for a vehicle in flight.
 
         `known_disturbance_w_mps2` (..., 3) is the acceleration not caused by rotors and arms, which the previous law
@@ -99,7 +100,7 @@ class SeededLaw(Law[Memory], Protocol[Memory]):
 
 
 @runtime_checkable
-class TwoHalves(Law[Memory], Protocol[Memory, Decided]):
+class TwoHalves(Protocol[Memory, Decided]):
     """Law whose cycle has two halves, so that the setpoint is sent before the internal states are updated.
 
     `step` must be `decide` followed by `settle`.
@@ -110,3 +111,7 @@ class TwoHalves(Law[Memory], Protocol[Memory, Decided]):
 
     def settle(self, decided: Decided) -> tuple[Memory, dict[str, Array]]:
         """Return the memory for the next cycle, and further internal values for the record."""
+
+
+Halves = TwoHalves[Any, Any]
+"""Law in two halves, whose memory only the law itself reads."""

@@ -5,7 +5,7 @@ from math import inf
 
 import numpy as np
 
-from companion.control.controller import ControlInput, Controller, ControlOutput, SeededLaw, TwoHalves
+from companion.control.controller import ControlInput, Controller, ControlOutput, Halves, SeededLaw, TwoHalves
 from companion.control.disturbance import Disturbance, estimate_disturbance, no_disturbance
 from companion.control.law_switch import LawSwitch
 from companion.core.types import Array, AttitudeThrust, Flag, Mask, Reference, Scalar, VehicleState
@@ -85,7 +85,7 @@ class ControlPipeline:
 
     def _take(self, controller: Controller) -> None:
         self._controller = controller
-        self._halves = self._controller if isinstance(self._controller, TwoHalves) else None
+        self._halves: Halves | None = self._controller if isinstance(self._controller, TwoHalves) else None
 
     def settle(self) -> dict[str, Array]:
         """Run the second half of the law's cycle, else the next `fly` does; return its additional internal values."""

@@ -27,6 +27,7 @@ def test_a_result_is_found_for_the_same_task_alone(tmp_path: Path) -> None:
 
 def test_results_without_the_compiled_law_are_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A batch's last digits differ between numpy and the compiled law."""
+    monkeypatch.setattr("companion.simulation.build.shutil.which", lambda _: "cc")
     builds = []
     for loaded in (None, object()):
         monkeypatch.setattr("companion.simulation.build.library", lambda loaded=loaded: loaded)

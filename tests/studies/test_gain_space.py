@@ -11,6 +11,10 @@ from companion.config.controller_config import load_controller, read_etnn
 from companion.control.controller import VehicleModel
 from companion.control.etnn import Etnn
 from companion.control.gains import EtnnGains
+from companion.control.pipeline import ControlPipeline, idle_setpoint
+from companion.core.types import Reference, VehicleState
+from companion.geometry.attitude import ThrustModel
+from companion.guard.limits import Limits
 from companion.studies.tuning.controller_writer import controller_toml
 from companion.studies.tuning.gain_space import (
     KNOBS,
@@ -47,6 +51,17 @@ def test_a_batch_has_the_gains_that_a_file_would_have(point: np.ndarray) -> None
     law = law_of({name: np.array([value]) for name, value in values.items()}, VehicleModel(), 0.01)
     for name in EtnnGains.model_fields:
         np.testing.assert_allclose(np.ravel(getattr(law.gains, name)), np.ravel(getattr(one, name)), rtol=6e-3)
+
+
+def test_sets_that_each_look_ahead_by_their_own_time_fly_in_one_pipeline() -> None:
+    """In Python, too, where nothing is compiled: which halves a law has is found without its look-ahead."""
+    law = law_of(values_of(np.array([[0.4] * len(KNOBS), [0.6] * len(KNOBS)])), VehicleModel(), 0.01)
+    pipeline = ControlPipeline(law, ThrustModel(), Limits(), (2,))
+    level = idle_setpoint(np.zeros(2))
+    still = np.zeros((2, 3))
+    vehicle = VehicleState(0.0, still, still, level.q_w_flu_wxyz, still)
+    output = pipeline.fly(vehicle, 0.0, Reference(still, still, still, 0.0), level, 0.01)
+    assert output.limited.setpoint.thrust.shape == (2,)
 
 
 def test_the_margin_is_that_of_the_stability_check() -> None:
