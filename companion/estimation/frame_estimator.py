@@ -27,7 +27,8 @@ class FrameEstimator:
         self._params, self._code = params, quick_library()
         self._state, self._usual = EstimatorState(), 0
         self._vehicle: VehicleState | None = None
-        self._loaded = False
+        self._loaded: EstimatorState | None = None
+        """The estimate that the compiled code has."""
         sizes = (49, 14, 14)  # of usual_frame.Followed and Measured, and of a VehicleState
         self._memory, self._frame, self._out = (np.empty(size) for size in sizes)
         self._numbers = flat(params, params)[0]
@@ -58,21 +59,26 @@ class FrameEstimator:
         """Return all that the estimator knows, which is put together when it is asked for."""
         if self._usual:
             self._state, self._usual = self._after_usual(), 0
+            self._loaded = self._state
         return self._state
 
     def step(self, frame: MocapFrame) -> None:
         """Take one frame."""
-        if self._loaded and not frame.others and self._take(frame):
+        if not frame.others and self._load() and self._take(frame):
             return
         self._state = estimator.step(self.state, frame, self._params)
         self._vehicle = self._state.vehicle
-        self._load()
 
-    def _load(self) -> None:
-        memory = None if self._code is None else followed(self._state)
-        self._loaded = memory is not None
-        if memory is not None:
-            self._memory[:] = flat(memory, NOT_FOLLOWED)[0]
+    def _load(self) -> bool:
+        """Give the compiled code the estimate, where it has none of it; return False where it can not take it."""
+        if self._code is None:
+            return False
+        if self._loaded is not self._state:
+            memory = followed(self._state)
+            if memory is None:
+                return False
+            self._memory[:], self._loaded = flat(memory, NOT_FOLLOWED)[0], self._state
+        return True
 
     def _take(self, frame: MocapFrame) -> bool:
         """Take a usual frame; return False, and do nothing, for another one."""
