@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from tests.packages import needs
-from tests.page.browser import SIZES, opened
+from tests.page.browser import SIZES, TURN_MS, opened
 from tests.page.fake_server import FakeServer
 
 pytestmark = [pytest.mark.realtime, needs("chromium")]
@@ -105,8 +105,11 @@ def go_by_a_tap(page: Page, fake: FakeServer) -> None:
 def test_the_arms_are_commanded_where_there_are_some(browser: Browser, one: FakeServer) -> None:
     with opened(browser, one.url) as page:
         in_the_air(page, one)
-        for do in ("ready", "stow", "hold", "limp", "clear", "play"):
+        before = len(one.commands)
+        for number, do in enumerate(("ready", "stow", "hold", "limp", "clear", "play"), 1):
             page.locator(f"[data-command=arms][data-do={do}]").click()
+            while len(one.commands) < before + number:
+                page.wait_for_timeout(TURN_MS)
             expect(page.locator("#last")).to_contain_text("arms done")
         sent = [(command["do"], command.get("motion")) for command in one.commands if command["verb"] == "arms"]
         bare = [(do, None) for do in ("ready", "stow", "hold", "limp", "clear")]
