@@ -1,9 +1,9 @@
 """All tests, several processes side by side: `python -m tests [OPTIONS] [ARGUMENTS OF PYTEST]`.
 
-Two run what is bound to the wall clock, one test after the other: flights, and links to devices that mostly wait. The
-others run the rest at the lowest priority, in the time that those leave: on two cores no vehicle falls because another
-one is being simulated. One of them runs the tests of what keeps the vehicle safe, and says which of its lines and
-branches no test has reached.
+One runs what is bound to the wall clock: flights, one after the other, and then links to devices that mostly wait, two
+at a time. The others run the rest at the lowest priority, in the time that those leave: on two cores no vehicle falls
+because another one is being simulated. One of them runs the tests of what keeps the vehicle safe, and says which of its
+lines and branches no test has reached.
 """
 
 import argparse
@@ -22,8 +22,10 @@ from tests.conftest import ALONE, runs_alone
 
 _NO_TESTS = 5
 """pytest's exit code where nothing was selected."""
-_BESIDE, _LAST = 0, 19
-"""Nice values: of what has a clock, and runs beside a flight; of what has none."""
+_LAST = 19
+"""Nice value of what has no clock, and runs beside what has one."""
+_TWO = ("-n", "2", "--dist", "loadfile")
+"""Two processes, which mostly wait."""
 _EVERY_CORE = ("-n", str(os.cpu_count() or 1), "--dist", "loadfile", "--no-loadscope-reorder")
 """A process for each core; a file of tests in one of them: it shares its flights."""
 _COLLECT = (sys.executable, "-m", "pytest", "-qq", "--collect-only", "-p", "no:cacheprovider")
@@ -63,13 +65,14 @@ def _run(folder: Path, only: str, rest: list[str]) -> int:
     beside: list[_Beside] = []
     try:
         if covered:
-            beside.append(_Beside(_LAST, _under_coverage(folder)))
-        _begin(_LAST, [*_COLLECT, *rest], subprocess.DEVNULL).wait()
-        beside.append(_Beside(_BESIDE, _pytest(_LINKS, only, folder, [*rest, *_under(rest, _with_links())])))
+            beside.append(_Beside(_under_coverage(folder)))
+        _begin([*_COLLECT, *rest], subprocess.DEVNULL).wait()
         others = [f"--ignore={path}" for path in covered]
-        beside.append(_Beside(_LAST, _pytest(_SIMULATED, only, folder, [*_EVERY_CORE, *rest, *others])))
+        beside.append(_Beside(_pytest(_SIMULATED, only, folder, [*_EVERY_CORE, *rest, *others])))
         codes = {flights.wait()}
-        print("waiting for the tests of links, and those in simulated time ...", flush=True)
+        links = _pytest(_LINKS, only, folder, [*_TWO, *rest, *_under(rest, _with_links())])
+        codes.add(subprocess.run(links, check=False).returncode)
+        print("waiting for the tests in simulated time ...", flush=True)
         codes |= {process.wait() for process in beside}
     finally:
         flights.terminate()
@@ -97,9 +100,9 @@ def _under(rest: list[str], paths: list[str]) -> list[str]:
 class _Beside:
     """A run of pytest whose output is shown when it has ended."""
 
-    def __init__(self, nice: int, command: list[str]) -> None:
+    def __init__(self, command: list[str]) -> None:
         self._output = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115 - closed by end()
-        self._process = _begin(nice, command, self._output)
+        self._process = _begin(command, self._output)
 
     def wait(self) -> int:
         """Return its exit code."""
@@ -115,16 +118,17 @@ class _Beside:
             sys.stdout.flush()
 
 
-def _begin(nice: int, command: list[str], output: IO[str] | int) -> "subprocess.Popen[bytes]":
-    """Begin a command as a session of low priority: where Linux groups processes by session, nice counts within one.
+def _begin(command: list[str], output: IO[str] | int) -> "subprocess.Popen[bytes]":
+    """Begin a command as a session of the lowest priority.
 
-    Mocks and services of the flights are sessions of their own, and would wait for the others' turn like any.
+    Where Linux groups processes by session, nice counts within one. Mocks and services of the flights are
+    sessions of their own, and would wait for the others' turn like any.
     """
-    whole = ["nice", "-n", str(nice), *command]
+    whole = ["nice", "-n", str(_LAST), *command]
     process = subprocess.Popen(whole, stdout=output, stderr=output, start_new_session=True)
     group = Path(f"/proc/{process.pid}/autogroup")
     if group.exists():
-        group.write_text(str(nice), encoding="ascii")
+        group.write_text(str(_LAST), encoding="ascii")
     return process
 
 

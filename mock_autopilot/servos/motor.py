@@ -198,9 +198,13 @@ class Motor:
 
 
 def _within(number: float, limit: float) -> float:
-    return where(number > limit, limit, where(number < -limit, -limit, number))  # type: ignore[no-any-return]
+    if isinstance(number, float):  # in a flight, 500 times a second for each servo
+        return limit if number > limit else -limit if number < -limit else number
+    return where(number > limit, limit, where(number < -limit, -limit, number))  # type: ignore[unreachable]
 
 
 def _beyond(number: float, margin: float) -> float:
     """Return by how much a number leaves the margin around zero."""
-    return where(number > margin, number - margin, where(number < -margin, number + margin, 0.0))  # type: ignore[no-any-return]
+    if isinstance(number, float):
+        return number - margin if number > margin else number + margin if number < -margin else 0.0
+    return where(number > margin, number - margin, where(number < -margin, number + margin, 0.0))  # type: ignore[unreachable]
