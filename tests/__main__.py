@@ -64,9 +64,11 @@ def _run(folder: Path, only: str, rest: list[str]) -> int:
     flights = subprocess.Popen(_pytest(_FLIGHTS, only, folder, [*rest, *_under(rest, list(ALONE))]))
     beside: list[_Beside] = []
     try:
-        if covered:
+        collecting = _begin([*_COLLECT, *rest], subprocess.DEVNULL)
+        if covered:  # by itself while it runs, so that the first flights have one of two cores to themselves
             beside.append(_Beside(_under_coverage(folder)))
-        _begin([*_COLLECT, *rest], subprocess.DEVNULL).wait()
+            beside[0].wait()
+        collecting.wait()
         others = [f"--ignore={path}" for path in covered]
         beside.append(_Beside(_pytest(_SIMULATED, only, folder, [*_EVERY_CORE, *rest, *others])))
         codes = {flights.wait()}
