@@ -7,14 +7,14 @@ ARGS ?=
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 UV := $(BIN)/uv pip install --quiet --system-certs --compile-bytecode --python $(BIN)/python
 
-.PHONY: help venv install uninstall demo check quick test faults fuzz lint coverage mutation bench conformance lock clean
+.PHONY: help venv install uninstall demo check quick test faults fuzz lint coverage mutation bench conformance lock wheels clean
 
 help:
 	@echo "make demo [ARGS='--trajectory figure8']   fly a whole flight against the mocks"
 	@echo "sudo make install [PART=vehicle|room|broker|law]   the service, for this computer; sudo make uninstall: docs/install.md"
 	@echo "make test     all tests;   make check     the quick ones and lint, for the daily loop"
 	@echo "make fuzz [ARGS='--minutes 30']   property tests on new random examples"
-	@echo "make faults | lint | coverage | mutation | bench | conformance | lock | clean"
+	@echo "make faults | lint | coverage | mutation | bench | conformance | lock | wheels | clean"
 
 # The stamp depends on the lock files: a changed lock is a new installation. uv takes seconds; where it cannot be had, or
 # cannot reach the package index that pip is set up for, pip does the same from the same lock.
@@ -34,6 +34,10 @@ $(VENV)/.compiled: $(VENV)/.installed $(wildcard companion/compiled/*.[ch]) comp
 	@touch $@
 
 venv: $(VENV)/.installed $(VENV)/.compiled
+
+# For computers without a C compiler, with the compiled law in them.
+wheels: venv
+	@$(BIN)/python -m companion.compiled.wheels $(ARGS)
 
 # For the whole computer, with systemd; needs nothing of $(VENV).
 install:

@@ -6,7 +6,6 @@ import logging
 import platform
 import subprocess
 import sys
-import sysconfig
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -15,8 +14,7 @@ from companion.core.types import Array
 
 _FOLDER = Path(__file__).parent
 SOURCE, BATCH = _FOLDER / "flight.c", _FOLDER / "batch.c"
-_SUFFIX = sysconfig.get_config_var("EXT_SUFFIX") or ".so"
-LIBRARY = _FOLDER / f"_flight{_SUFFIX}"
+MACHINE = platform.machine()
 FLAGS = ("-O2", "-ffp-contract=off", "-fno-builtin-pow", "-fno-math-errno", "-fno-trapping-math", "-fPIC", "-shared")
 """Nothing that changes a number: no contraction, no fast maths; and pow(x, 2) stays the call that Python makes."""
 
@@ -24,6 +22,14 @@ WIDTHS = {8: ("-mavx512f", "-mavx512dq", "-mavx512vl", "-mfma", "-Wno-psabi"), 4
 """Vehicles side by side, and the instructions that it takes; `lanes` of flight.c says which this computer has."""
 
 log = logging.getLogger(__name__)
+
+
+def library_path(folder: Path = _FOLDER, machine: str = MACHINE, width: int | None = None) -> Path:
+    """Return where a machine's code is, of one vehicle or of so many side by side."""
+    return folder / f"_flight{width or ''}-{machine}.so"
+
+
+LIBRARY = library_path()
 
 
 @cache
@@ -51,17 +57,12 @@ def side_by_side() -> ctypes.CDLL | None:
         return None
     for width in (width for width in WIDTHS if width <= code.lanes()):
         try:
-            batch = ctypes.CDLL(str(batch_path(width)))
+            batch = ctypes.CDLL(str(library_path(width=width)))
         except OSError:
             continue
         if not _is_old(batch):
             return batch
     return None
-
-
-def batch_path(width: int) -> Path:
-    """Return where the code for so many vehicles side by side is."""
-    return _FOLDER / f"_flight{width}{_SUFFIX}"
 
 
 def _is_old(code: ctypes.CDLL) -> bool:
@@ -85,30 +86,37 @@ def _digest() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(_FOLDER.glob("*.[ch]")))).hexdigest()
 
 
-def build() -> str:
-    """Compile the source with the system's C compiler; return a sentence that says what became of it."""
+def build(folder: Path = _FOLDER, machine: str = MACHINE, compiler: str = "cc") -> str:
+    """Compile the source in a folder for a machine; return a sentence that says what became of it."""
     flags = (*FLAGS, f'-DSOURCES="{_digest()}"')
-    trouble = compiled(SOURCE, LIBRARY, flags)
+    library = library_path(folder, machine)
+    trouble = compiled(folder / SOURCE.name, library, flags, compiler)
     if trouble:
         return f"no compiled law, as {trouble}: Python flies, with the same numbers, slower"
-    widths = WIDTHS if platform.machine() == "x86_64" else {}
+    widths = WIDTHS if machine == "x86_64" else {}
     failed = {
-        width: compiled(BATCH, batch_path(width), (*flags, f"-DWIDTH={width}", *widths[width])) for width in widths
+        width: compiled(
+            folder / BATCH.name,
+            library_path(folder, machine, width),
+            (*flags, f"-DWIDTH={width}", *widths[width]),
+            compiler,
+        )
+        for width in widths
     }
     built = [str(width) for width, why in failed.items() if not why]
     wide = f", and for {' or '.join(built)} vehicles side by side" if built else ""
-    return f"the law is compiled{wide}: {LIBRARY.name}"
+    return f"the law is compiled{wide}: {library.name}"
 
 
-def compiled(source: Path, to: Path, flags: Sequence[str]) -> str:
-    """Compile one file with the system's C compiler; return what went wrong, or nothing."""
-    command = ["cc", *flags, "-o", str(to), str(source), "-lm"]
+def compiled(source: Path, to: Path, flags: Sequence[str], compiler: str = "cc") -> str:
+    """Compile one file with a C compiler, the system's by default; return what went wrong, or nothing."""
+    command = [compiler, *flags, "-o", str(to), str(source), "-lm"]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)  # noqa: S603
     except (OSError, subprocess.TimeoutExpired) as error:
         return f"there is no C compiler ({error})"
     if done.returncode:
-        return f"cc failed ({next(iter(done.stderr.strip().splitlines()), f'exit code {done.returncode}')})"
+        return f"{compiler} failed ({next(iter(done.stderr.strip().splitlines()), f'exit code {done.returncode}')})"
     return ""
 
 

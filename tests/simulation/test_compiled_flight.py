@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.compiled.library import LIBRARY, WIDTHS, batch_path, build, library
+from companion.compiled.library import LIBRARY, WIDTHS, build, library, library_path
 from companion.config.controller_config import LoadedController
 from companion.control.etnn import Etnn
 from companion.simulation import compiled_flight
@@ -128,7 +128,7 @@ def test_vehicles_side_by_side_fly_as_one_after_another_to_the_last_bit(
 ) -> None:
     """Drawn vehicles, each with delays, lost frames and noise of its own, and more of them than stand side by side."""
     code = library()
-    if code is None or code.lanes() < width or not batch_path(width).is_file():
+    if code is None or code.lanes() < width or not library_path(width=width).is_file():
         pytest.skip(f"this computer has no instructions for {width} side by side")
     flown = rough()
     law, drawn = law_for(flown), draw(7, range(width + 2))
@@ -136,7 +136,7 @@ def test_vehicles_side_by_side_fly_as_one_after_another_to_the_last_bit(
     world = vehicles(flown, drawn, len(mission.time_s))
     np.asarray(world.plant.mass_kg)[1] = 9.0  # so heavy that it falls to the floor
     traces = []
-    for batch in (ctypes.CDLL(str(batch_path(width))), None):
+    for batch in (ctypes.CDLL(str(library_path(width=width))), None):
         monkeypatch.setattr(compiled_flight, "side_by_side", lambda batch=batch: batch)
         traces.append(simulate(flown.pilot(law), world, mission, drawn.flight_seed.tolist()))
     together, one_by_one = traces
