@@ -1,12 +1,13 @@
 """Messages of a record to columns, one row a tick, and to events."""
 
-import json
 import math
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
 from mcap.records import Message
+from pydantic_core import from_json
 
 EVENTS = "/event"
 GROUND = "ground"
@@ -52,30 +53,29 @@ class Table:
         self.events: list[RecordedEvent] = []
         self.health: list[HealthEvent] = []
         self._present: dict[str, int] = {}
-        self._found: dict[str, tuple[list[int], list[Any]]] = {}
+        self._messages = 0
+        self._found: dict[tuple[str, ...], list[tuple[Any, ...]]] = {}
+        """Messages with the same names: number of the message, row, values in the names' order."""
 
     def take(self, message: Message) -> None:
         """Add the next message, in the order in which they were written."""
         topic = self.topics[message.channel_id]
         if topic == EVENTS:
-            said = json.loads(message.data)
+            said = from_json(message.data)
             self.events.append(RecordedEvent(said["time_s"], said["kind"], said["text"]))
             return
         if not message.data.startswith(b'{"tick":'):
             return
-        values = json.loads(message.data)
+        values = from_json(message.data)
         if "events" in values:
             values |= self._health(values["time_s"], values.pop("events"), values.pop("arm_faults"))
         number = values.pop("tick")
         if not self.ticks or number != self.ticks[-1]:
             self.ticks.append(number)
-        row = len(self.ticks) - 1
-        for name, value in values.items():
-            if name == "time_s" and topic != "/flight":
-                continue
-            rows, found = self._found.setdefault(name, ([], []))
-            rows.append(row)
-            found.append(value)
+        if topic != "/flight":
+            values.pop("time_s", None)
+        self._messages += 1
+        self._found.setdefault((*values,), []).append((self._messages, len(self.ticks) - 1, *values.values()))
 
     def _health(self, time_s: float, events: list[dict[str, str]], arm_faults: list[dict[str, str]]) -> dict[str, str]:
         now = {event["fault"]: event for event in events}
@@ -91,7 +91,7 @@ class Table:
     def columns(self) -> dict[str, np.ndarray]:
         """Return the columns: numbers as float64, words as str, flags as bool."""
         columns: dict[str, np.ndarray] = {}
-        for name, (rows, values) in self._found.items():
+        for name, (rows, values) in self._by_name().items():
             try:
                 columns[name] = self._column(rows, values)
             except ValueError:  # it had not the same shape everywhere: another law's signal of the same name
@@ -101,6 +101,15 @@ class Table:
             if name in columns:
                 columns[name] = np.nan_to_num(columns[name]) > 0.0
         return columns | _derived(columns)
+
+    def _by_name(self) -> dict[str, tuple[list[int], list[Any]]]:
+        """Return the rows and values of each name, in the order of their messages."""
+        found: dict[str, list[Any]] = {}
+        for names, messages in self._found.items():
+            numbers, rows, *columns = zip(*messages, strict=True)
+            for name, values in zip(names, columns, strict=True):
+                found.setdefault(name, []).append((numbers, rows, values))
+        return {name: _merged(parts) for name, parts in found.items()}
 
     def _by_shape(self, name: str, rows: list[int], values: list[Any]) -> dict[str, np.ndarray]:
         """Name columns by shape: the first shape keeps the name, others get it with their shape."""
@@ -121,6 +130,15 @@ class Table:
         column = np.full((len(self.ticks), *numbers.shape[1:]), np.nan)
         column[rows] = numbers
         return column
+
+
+def _merged(parts: list[Any]) -> tuple[list[int], list[Any]]:
+    """Return the rows and values of parts with numbers of messages, in the order of the numbers."""
+    if len(parts) == 1:
+        return list(parts[0][1]), list(parts[0][2])
+    numbers, rows, values = ([*chain.from_iterable(column)] for column in zip(*parts, strict=True))
+    order = sorted(range(len(numbers)), key=numbers.__getitem__)
+    return [rows[index] for index in order], [values[index] for index in order]
 
 
 def _derived(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
