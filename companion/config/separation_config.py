@@ -6,6 +6,9 @@ from companion.config.toml_files import Section
 from companion.guard.separation import Separation
 from companion.supervisor.separation import SeparationRules
 
+ANY_HEIGHT_M = 100.0
+"""Higher than any room: PX4's own landing goes straight down, also onto a vehicle below."""
+
 
 class SeparationConfig(Section):
     """Vehicles that share the room, and the cylinder around each that no other may enter (docs/separation.md).
@@ -19,13 +22,15 @@ class SeparationConfig(Section):
     )
     radius_m: float = Field(1.2, ge=0.3, le=10.0, description="least horizontal distance between two origins, m")
     height_m: float = Field(
-        1.6, ge=0.3, le=10.0, description="height difference from which on that distance does not count, m"
-    )
-
-    parked_height_m: float = Field(
-        1.0,
+        ANY_HEIGHT_M,
         ge=0.3,
-        le=10.0,
+        le=ANY_HEIGHT_M,
+        description="height difference from which on that distance does not count, m; 100: nobody flies above another",
+    )
+    parked_height_m: float = Field(
+        ANY_HEIGHT_M,
+        ge=0.3,
+        le=ANY_HEIGHT_M,
         description="the same above a vehicle that stands on the ground; at most height_m counts, m",
     )
     parked_below_m: float = Field(

@@ -37,8 +37,9 @@ from tests.records.test_round_trip import written
 pytestmark = pytest.mark.slow
 
 CONFIG = CompanionConfig(flight=BRISK.model_copy(update={"climb_speed_mps": 1.5}))
-RADIUS_M, HEIGHT_M = CONFIG.separation.radius_m, CONFIG.separation.height_m
-PARKED_M = CONFIG.separation.parked_height_m
+RADIUS_M, HEIGHT_M, PARKED_M = CONFIG.separation.radius_m, 1.6, 1.0
+LOW = SeparationConfig(order=(CONFIG.mocap.body, OTHER), height_m=HEIGHT_M, parked_height_m=PARKED_M)
+MAY_CROSS_ABOVE = CONFIG.model_copy(update={"separation": LOW})
 
 
 def go_to(x_m: float, y_m: float, z_m: float = 1.2) -> TrackRequest:
@@ -49,13 +50,15 @@ def at(time_s: float) -> Step:
     return lambda flight: flight.room.now_s() >= time_s
 
 
-def flown(*scripts: list[Step], apart_m: float = 6.0, longest_s: float = 40.0) -> FleetFlight:
+def flown(
+    *scripts: list[Step], apart_m: float = 6.0, longest_s: float = 40.0, config: CompanionConfig = CONFIG
+) -> FleetFlight:
     """Fly vehicles that start on a row along y, so far apart."""
     tables = {"fleet": {"spacing_m": apart_m}}
-    return asyncio.run(fly_fleet(scripts, config=CONFIG, tables=tables, step_s=0.004, longest_s=longest_s))
+    return asyncio.run(fly_fleet(scripts, config=config, tables=tables, step_s=0.004, longest_s=longest_s))
 
 
-def gaps_m(fleet: FleetFlight, height_m: float = HEIGHT_M) -> Array:
+def gaps_m(fleet: FleetFlight, height_m: float = CONFIG.separation.height_m) -> Array:
     """True distances of the first two vehicles to each other's cylinder, tick by tick; negative inside."""
     one, two = (np.array(flight.truths_w_m) for flight in fleet.flights)
     count = min(len(one), len(two))
@@ -102,7 +105,22 @@ def test_crossing_the_one_that_yields_holds_and_the_first_one_flies_on() -> None
     assert not any(bool(t.limited.separation_cut) for t in first.ticks if t.limited)
 
 
-def test_a_parked_one_is_flown_over_and_landed_beside() -> None:
+def test_nobody_flies_above_another_one() -> None:
+    """PX4's own landing goes straight down: in a random flight it came down on a vehicle that had landed below."""
+    refused: list[str] = []
+
+    def over(flight: Flight) -> bool:
+        refused.append(flight.loop.submit(go_to(0.1, 0.8, 2.9)))
+        return True
+
+    flown([*QUICK_UP, over], [at(0.5)], apart_m=1.6)
+    (sentence,) = refused
+    assert sentence.startswith(
+        "another vehicle is in the way: this way leads within 0.10 m of 'dauam-2', which stands at "
+    )
+
+
+def test_where_the_cylinder_is_low_a_parked_one_is_flown_over_and_landed_beside() -> None:
     refused: list[str] = []
 
     def onto(flight: Flight) -> bool:
@@ -111,7 +129,8 @@ def test_a_parked_one_is_flown_over_and_landed_beside() -> None:
 
     up, over = ask(go_to(0.0, -0.8, 2.2)), ask(go_to(0.1, 0.8, 2.2))
     lands = [at(13.5), ask(LandRequest()), until(Phase.DISARMED), wait(0.2)]
-    fleet = flown([*QUICK_UP, onto, up, at(10.0), over, *lands], [at(0.5)], apart_m=1.6)
+    script = [*QUICK_UP, onto, up, at(10.0), over, *lands]
+    fleet = flown(script, [at(0.5)], apart_m=1.6, config=MAY_CROSS_ABOVE)
     (sentence,) = refused
     assert sentence.startswith(
         "another vehicle is in the way: this way leads within 0.00 m of 'dauam-2', which stands at "
@@ -151,8 +170,6 @@ def flies_under(flight: Flight) -> Path:
 @pytest.mark.parametrize("landing", [True, False])
 def test_who_is_pushed_up_climbs_no_higher_than_the_guard_asks(landing: bool) -> None:
     """The guard tilts it away, which lifts it; its reference must not go up with it and lift it again."""
-    separation = SeparationConfig(order=(CONFIG.mocap.body, OTHER))
-    config = CompanionConfig.model_validate({**dict(CONFIG), "separation": separation})
 
     def intrude(flight: Flight) -> bool:
         another(flies_under)(flight)
@@ -160,7 +177,7 @@ def test_who_is_pushed_up_climbs_no_higher_than_the_guard_asks(landing: bool) ->
 
     up = [*QUICK_UP, ask(go_to(0.0, 0.0, 2.2)), wait(4.0), intrude, wait(2.3)]
     ends = [ask(LandRequest()), until(Phase.DISARMED)] if landing else [wait(6.0)]
-    flight = asyncio.run(fly([*up, *ends], controller="practical", config=config, longest_s=40.0))
+    flight = asyncio.run(fly([*up, *ends], controller="practical", config=MAY_CROSS_ABOVE, longest_s=40.0))
     assert any(bool(tick.limited.separation_cut) for tick in flight.ticks if tick.limited)
     flies = [tick for tick in flight.ticks if tick.flight.airborne]
     clear_m = INTRUDER_M + HEIGHT_M
@@ -171,12 +188,11 @@ def test_who_is_pushed_up_climbs_no_higher_than_the_guard_asks(landing: bool) ->
 
 def test_a_landing_without_a_free_place_waits_above_another_one_until_it_is_gone() -> None:
     """PX4, to which a landing is handed over that is overdue, would land on it."""
-    separation = SeparationConfig(order=(CONFIG.mocap.body, OTHER))
     narrow = {
         "fence": FenceConfig(x_m=(-1.2, 1.2), y_m=(-1.2, 1.2)),
         "room": RoomConfig(x_m=(-0.9, 0.9), y_m=(-0.9, 0.9)),
     }
-    config = CompanionConfig.model_validate({**dict(CONFIG), "separation": separation, **narrow})
+    config = CompanionConfig.model_validate({**dict(MAY_CROSS_ABOVE), **narrow})
     leaves_s, left = 27.0, 0.0
 
     def hovers_below(flight: Flight) -> Path:
@@ -203,8 +219,8 @@ def test_a_landing_beside_a_vehicle_that_hovers_is_clear_of_it() -> None:
     first = [*QUICK_UP, ask(go_to(0.0, -3.0, 0.6)), at(30.0)]
     over = [ask(go_to(0.0, -0.5, 2.6)), at(12.0), ask(go_to(0.0, -2.2, 2.6)), at(17.0)]
     second = [*QUICK_UP, *over, ask(LandRequest()), until(Phase.DISARMED), wait(0.2)]
-    fleet = flown(first, second)
-    assert gaps_m(fleet).min() > 0.0
+    fleet = flown(first, second, config=MAY_CROSS_ABOVE)
+    assert gaps_m(fleet, HEIGHT_M).min() > 0.0
     hovers, landed = fleet.flights
     assert levels(hovers) == levels(landed) == []
     assert landed.truths_w_m[-1][2] < 0.05

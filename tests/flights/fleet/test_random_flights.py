@@ -10,7 +10,7 @@ import pytest
 from companion.config.companion_config import CompanionConfig
 from companion.supervisor.flight_state import Phase, TrackRequest
 from companion.trajectories.room_check import check_trajectory
-from tests.flights.fleet.judge import EVERY, STEP_S, Judge
+from tests.flights.fleet.judge import EVERY, STEP_S, Judge, Limit
 from tests.flights.fleet.operator import HALF_M, Operator
 from tests.flights.fleet.plan import Incident, Trouble, incidents_of
 from tests.flights.fleet.virtual import Order, fly_seed, limit_of
@@ -56,6 +56,14 @@ def test_an_operators_tracks_are_such_as_the_service_accepts() -> None:
     assert any(np.hypot(*end[:2]) < 0.4 for end in ends)  # at the other vehicle
 
 
+LIMIT = Limit(1.2, 1.6, 1.0)
+
+
+def test_the_limits_are_the_configurations() -> None:
+    separation = CompanionConfig().separation
+    assert limit_of(CompanionConfig()) == Limit(separation.radius_m, separation.height_m, separation.parked_height_m)
+
+
 class _Stub:
     """Two vehicles without a room: their places and phases as a test says."""
 
@@ -66,7 +74,7 @@ class _Stub:
         room = SimpleNamespace(fleet=SimpleNamespace(names=("a", "b"), worlds=self.worlds))
         self.fleet: Any = SimpleNamespace(room=room, flights=flights)
         operators = [Operator(random.Random(1), list, 60.0) for _ in range(2)]
-        self.judge = Judge(cast(Any, self.fleet), operators, limit_of(CompanionConfig()))
+        self.judge = Judge(cast(Any, self.fleet), operators, LIMIT)
         self.time_s = 0.0
 
     def look(self, *places: tuple[float, float, float], stands: bool = False, for_s: float = EVERY * STEP_S) -> None:
