@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.config.separation_config import SeparationConfig
+from companion.config.separation_config import ANY_HEIGHT_M, SeparationConfig
 from companion.core.errors import FlightError
 from companion.core.types import Array, OtherVehicle
 from companion.flight.flight_loop import FlightLoop
@@ -92,9 +92,8 @@ class Traffic:
     def _rejection(self, intent: Intent, met: Meeting) -> str:
         return (
             f"this way would come within {met.distance_m:.2f} m of {intent.body}'s {intent.verb} at "
-            f"{_words(met.position_w_m)}, {max(met.time_s, 0.0):.0f} s from now, and "
-            f"{self._cylinder.radius_m:g} m (or {self._cylinder.height_m:g} m of height) is the least: wait until "
-            f"{intent.body} has finished, or fly elsewhere"
+            f"{_words(met.position_w_m)}, {max(met.time_s, 0.0):.0f} s from now, and {_least(self._cylinder)} is the "
+            f"least: wait until {intent.body} has finished, or fly elsewhere"
         )
 
     def _note(self, intent: Intent, crossed: Crossing) -> str:
@@ -134,6 +133,11 @@ def _path_from(intent: Intent, now_s: float) -> TimedPath:
     """Return an announced way; its times count from `now_s`, Unix time."""
     rows = np.array(intent.knots)
     return TimedPath(rows[:, 0] + intent.from_s - now_s, rows[:, 1:])
+
+
+def _least(cylinder: Cylinder) -> str:
+    height = "at any height" if cylinder.height_m >= ANY_HEIGHT_M else f"or {cylinder.height_m:g} m of height"
+    return f"{cylinder.radius_m:g} m ({height})"
 
 
 def _words(position_w_m: Array) -> str:

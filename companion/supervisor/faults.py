@@ -268,7 +268,7 @@ TABLE: tuple[Row, ...] = (
         "one that goes first, and where the other was not seen for {degraded_s} s, so that its place is a guess; "
         "before lift-off: one in flight comes within {yield_margin_m} m of it in {yield_ahead_s} s",
         why="one of the two must leave the air, and the first one holds still for it; on the ground the rotors stop: "
-        "another one may have flown over the place, which it may not once this one flies",
+        "another one that flies may not come near, let alone above, once this one flies",
         flying=_LAND, landing=_WARN, ground=_DISARM, needs=_PLACE),
     Row(fault=Fault.OTHER_UNSEEN,
         sign="a vehicle seen before in this flight is not seen for {other_unseen_s} s",
