@@ -57,7 +57,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _run(folder: Path, only: str, rest: list[str]) -> int:
-    began_s = time.monotonic()
+    began_s, before = time.monotonic(), _cpu_ticks()
     covered = () if rest or only else _COVERED
     # pytest keeps the modules that it has rewritten, where it may: the processes that follow find them ready.
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -84,6 +84,7 @@ def _run(folder: Path, only: str, rest: list[str]) -> int:
     if covered:
         codes.add(_report_coverage(folder))
     _summarise(list(folder.glob("*.xml")), time.monotonic() - began_s)
+    _print_load(before, _cpu_ticks())
     codes = {code for code in codes if code != _NO_TESTS} or {_NO_TESTS}
     return next((code for code in codes if code), 0)
 
@@ -167,6 +168,20 @@ def _summarise(results: list[Path], took_s: float) -> None:
         print(f"to run them, too: sudo apt-get install {' '.join(sorted(wanting))}   (Debian, Ubuntu)")
     print(f"all tests together took {took_s / 60.0:.1f} minutes")
     print(f"{count['passed']} passed, {count['failed']} failed, {count['skipped']} skipped", flush=True)
+
+
+def _cpu_ticks() -> list[int]:
+    """Return the computer's CPU times since it started, in the order of proc(5); nothing where it has none."""
+    stat = Path("/proc/stat")
+    return [int(word) for word in stat.read_text(encoding="ascii").split("\n")[0].split()[1:9]] if stat.exists() else []
+
+
+def _print_load(before: list[int], after: list[int]) -> None:
+    """Print how busy the computer was, as a flight in real time fails where its host takes the processor away."""
+    spent = [late - early for early, late in zip(before, after, strict=True)]
+    if sum(spent):
+        idle, stolen = (sum(part) / sum(spent) for part in (spent[3:5], spent[7:8]))
+        print(f"{os.cpu_count()} processors were busy for {1.0 - idle:.0%}, and {stolen:.1%} was taken by their host")
 
 
 if __name__ == "__main__":
