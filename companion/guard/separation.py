@@ -167,7 +167,7 @@ class Separation:
         if apart_m < _ON_AXIS_M:
             return self._floor(above_m, sinks_m, climb, acting[2] * up, up)
         nx, ny = dx / apart_m, dy / apart_m
-        drift_m = _drift_m(other)
+        drift_m = self._drift_m(other)
         closing, comes_m = vx * nx + vy * ny, self.stop_m(-ux * nx - uy * ny)
         beside_m = apart_m - self.radius_m - drift_m
         if drift_m == 0.0 and above_m - sinks_m - self.stop_m(climb) > beside_m - comes_m - self.stop_m(closing):
@@ -178,6 +178,16 @@ class Separation:
         if most_mps2 > 0.0:
             most_mps2 = min(most_mps2, max(self._most_mps2(left_m, closing, acting_mps2, _LEFT_ALONE_S), 0.0))
         return Wall(nx, ny, most_mps2)
+
+    def _drift_m(self, other: OtherVehicle) -> float:
+        """Return how far (m) to keep from where one that is not seen is believed, beyond the radius; at any height.
+
+        As far as it may have drifted, unless it stood, and the distance in which one comes to rest from its drift.
+        """
+        if other.parked or other.unseen_s < _DRIFTS_AFTER_S:
+            return 0.0
+        drifted_m, speed_mps = 0.5 * _DRIFT_MPS2 * other.unseen_s**2, _DRIFT_MPS2 * other.unseen_s
+        return min(drifted_m + self.stop_m(speed_mps), _DRIFT_M)
 
     def _floor(
         self, above_m: float, sinks_m: float, climb_mps: float, acting_mps2: float, up: float
@@ -190,10 +200,3 @@ class Separation:
         for_s = lead_s(self.reaction_s)
         left_m -= (speed_mps + 0.5 * acting_mps2 * for_s) * for_s
         return most_accel_mps2(left_m, speed_mps + acting_mps2 * for_s, lasts_s or for_s, self.braking_mps2)
-
-
-def _drift_m(other: OtherVehicle) -> float:
-    """Return how far (m) one that is not seen, and did not stand, may be from where it is believed; at any height."""
-    if other.parked or other.unseen_s < _DRIFTS_AFTER_S:
-        return 0.0
-    return min(0.5 * _DRIFT_MPS2 * other.unseen_s**2, _DRIFT_M)

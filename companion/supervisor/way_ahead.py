@@ -18,12 +18,15 @@ _SPARE_M = 1.0
 
 @value
 class WayAhead:
-    """Reference positions from now on, and where the reference would come to rest."""
+    """Reference positions from now on, and where the vehicle would come to rest."""
 
     path_w_m: tuple[Vec3, ...] = ()
     """A point every STEP_S; empty where this vehicle yields to none in reach."""
     rest_w_m: Vec3 = (math.nan, math.nan, math.nan)
-    """NaN where no other vehicle is in reach."""
+    """As far from the reference's own resting place as the vehicle is from its reference: the guard may have pushed it.
+
+    NaN where no other vehicle is in reach.
+    """
 
 
 NO_WAY = WayAhead()
@@ -44,7 +47,9 @@ def way_ahead(
     near = [other for other in others if _in_reach(other, vehicle, rules.cylinder, ahead_s)]
     if not near:
         return NO_WAY
-    _, rest = resting_place(reference_at(flight, time_s), rules.cylinder.braking_mps2)
+    now = reference_at(flight, time_s)
+    _, rest_w_m = resting_place(now, rules.cylinder.braking_mps2)
+    rest = vehicle.position_w_m + (rest_w_m - now.position_w_m)
     yields = any(rules.yields_to(other) for other in near)
     times_s = [time_s + index * STEP_S for index in range(round(ahead_s / STEP_S) + 1)] if yields else []
     return WayAhead(tuple(_floats(reference_at(flight, at_s).position_w_m) for at_s in times_s), _floats(rest))

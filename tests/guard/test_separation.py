@@ -172,7 +172,7 @@ def test_above_a_parked_one_there_is_less_to_keep() -> None:
 
 @pytest.mark.parametrize(
     ("unseen_s", "parked", "distance_m"),
-    [(0.2, False, 1.2), (2.0, False, 1.7), (4.0, False, 3.2), (60.0, False, 4.2), (60.0, True, 1.2)],
+    [(0.2, False, 1.2), (2.0, False, 1.9625), (4.0, False, 3.85), (60.0, False, 4.2), (60.0, True, 1.2)],
 )
 def test_from_one_that_is_not_seen_it_keeps_a_distance_that_grows_unless_it_stood(
     unseen_s: float, parked: bool, distance_m: float

@@ -212,6 +212,9 @@ def test_the_way_ahead_is_that_of_the_reference() -> None:
         flight, at_s, vehicle_at((x, y, z)), [other((x + 2.0, y, z))], replace(SHARED, first=frozenset()), 2.5
     )
     assert (first.path_w_m, first.rest_w_m) == ((), way.rest_w_m)
+    pushed = way_ahead(flight, at_s, vehicle_at((x - 0.08, y, z)), [other((x + 2.0, y, z))], SHARED, 2.5)
+    assert way.rest_w_m[0] - pushed.rest_w_m[0] == pytest.approx(0.08), "the guard has pushed it"
+    assert pushed.path_w_m == way.path_w_m
 
 
 @pytest.mark.parametrize(
