@@ -51,7 +51,7 @@ class SafetyRules:
     """Beyond the cylinder, for the vehicle that yields: it stops 0.2 m before the first one would have to."""
     yield_ahead_s: float = 2.5
     """Vehicles at 1 m/s that would meet at right angles are 5 m apart by then: time to stop clear of the other."""
-    yield_s: float = 4.0
+    yield_s: float = 3.0
     """With 6 s for a landing from 1.5 m, nobody waits for more than 10 s."""
     other_unseen_s: float = 0.5
     """Bodies are lost for some frames again and again; at 1 m/s a vehicle has flown 0.5 m by then."""

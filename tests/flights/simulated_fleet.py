@@ -107,8 +107,7 @@ class Lockstep:
     def freeze(self, number: int) -> None:
         """Let a vehicle's loop (0 is the first) and its MAVSDK do nothing more."""
         self._frozen.add(number)
-        bench = self._room.vehicles[number].bench
-        bench.setpoint, bench.heartbeats = None, False
+        self._room.vehicles[number].bench.client_ended = True
 
     async def wait(self, number: int, for_s: float) -> bool:
         """Wait for the vehicle's next frame; False when none came in time."""

@@ -251,7 +251,7 @@ def test_who_is_in_the_way_of_one_that_goes_first_lands_in_time() -> None:
     flight = hovers(HELD + 2, lambda _: other(1.49))
     assert blocked(flight) == [HELD, HELD + 1]
     assert watched(flight, separation=LATER)[HELD] == (
-        Event(Fault.TRAFFIC_BLOCKED, "'two', which goes first, has been in the way for 4.0 s"),
+        Event(Fault.TRAFFIC_BLOCKED, "'two', which goes first, has been in the way for 3.0 s"),
     )
     assert blocked(flight, FIRST) == []
     assert blocked(hovers(HELD + 2, lambda _: other(1.51))) == []
