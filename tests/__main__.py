@@ -83,8 +83,8 @@ def _run(folder: Path, only: str, rest: list[str]) -> int:
             process.end()
     if covered:
         codes.add(_report_coverage(folder))
-    _summarise(list(folder.glob("*.xml")), time.monotonic() - began_s)
     _print_load(before, _cpu_ticks())
+    _summarise(list(folder.glob("*.xml")), time.monotonic() - began_s)
     codes = {code for code in codes if code != _NO_TESTS} or {_NO_TESTS}
     return next((code for code in codes if code), 0)
 

@@ -117,6 +117,9 @@ def test_separation_counts_where_one_flies_and_the_heights_are_near() -> None:
     assert both.least_m == pytest.approx(1.4)
     assert not np.isfinite(both.distance_m[0]), "both stand"
     (over,) = separations([report("a", 0.0, low), report("b", 0.3, high)], RULES)
+    assert over.least_m == pytest.approx(0.3), "at any height"
+    may_cross = RULES.model_copy(update={"height_m": 1.6})
+    (over,) = separations([report("a", 0.0, low), report("b", 0.3, high)], may_cross)
     assert over.least_m == np.inf
     (beside,) = separations([report("a", 0.0, low), report("b", 0.3, ground)], RULES)
     assert beside.least_m == pytest.approx(0.3)

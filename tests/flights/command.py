@@ -66,10 +66,6 @@ class Running:
         """Any signal."""
         self._process.send_signal(number)
 
-    def give_way(self) -> None:
-        """Run at the lowest priority from now on."""
-        os.setpriority(os.PRIO_PROCESS, self._process.pid, 19)
-
     async def ended(self) -> Ran:
         """Wait for its end."""
         try:
