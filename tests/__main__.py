@@ -90,7 +90,7 @@ def _run(folder: Path, only: str, rest: list[str]) -> int:
 
 
 def _with_links() -> list[str]:
-    """Return the files with tests in real time that may run beside a flight, so that no other is imported to look."""
+    """Return the files with tests of links, in real time and no flights, so that no other is imported to look."""
     files = (path for path in sorted(Path("tests").rglob("test_*.py")) if not runs_alone(path.as_posix()))
     return [str(path) for path in files if "realtime" in path.read_text(encoding="utf-8")]
 

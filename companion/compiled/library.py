@@ -67,7 +67,7 @@ def side_by_side() -> ctypes.CDLL | None:
 
 def _is_old(code: ctypes.CDLL) -> bool:
     code.sources.restype = ctypes.c_char_p
-    return bool(code.sources() != _digest().encode())
+    return bool(code.sources() != _digest(_FOLDER).encode())
 
 
 @cache
@@ -81,16 +81,16 @@ def pointers(vectors: Sequence[Array]) -> "ctypes.Array[ctypes.c_void_p]":
     return (ctypes.c_void_p * len(vectors))(*(vector.ctypes.data for vector in vectors))
 
 
-def _digest() -> str:
+def _digest(folder: Path) -> str:
     """Return what tells one version of the source from another."""
-    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(_FOLDER.glob("*.[ch]")))).hexdigest()
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sorted(folder.glob("*.[ch]")))).hexdigest()
 
 
 def build(folder: Path = _FOLDER, machine: str = MACHINE, compiler: str = "cc") -> str:
     """Compile the source in a folder for a machine; return a sentence that says what became of it."""
-    flags = (*FLAGS, f'-DSOURCES="{_digest()}"')
-    library = library_path(folder, machine)
-    trouble = compiled(folder / SOURCE.name, library, flags, compiler)
+    flags = (*FLAGS, f'-DSOURCES="{_digest(folder)}"')
+    made = library_path(folder, machine)
+    trouble = compiled(folder / SOURCE.name, made, flags, compiler)
     if trouble:
         return f"no compiled law, as {trouble}: Python flies, with the same numbers, slower"
     widths = WIDTHS if machine == "x86_64" else {}
@@ -105,7 +105,7 @@ def build(folder: Path = _FOLDER, machine: str = MACHINE, compiler: str = "cc") 
     }
     built = [str(width) for width, why in failed.items() if not why]
     wide = f", and for {' or '.join(built)} vehicles side by side" if built else ""
-    return f"the law is compiled{wide}: {library.name}"
+    return f"the law is compiled{wide}: {made.name}"
 
 
 def compiled(source: Path, to: Path, flags: Sequence[str], compiler: str = "cc") -> str:

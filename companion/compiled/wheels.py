@@ -1,6 +1,7 @@
 """Wheels with the compiled law, for computers without a C compiler: `python -m companion.compiled.wheels [FOLDER]`.
 
-One for each machine that a compiler is there for. Its name says the oldest glibc that has what the code calls.
+One for each machine that a compiler is there for, this computer's own or a cross compiler. Its name says the oldest
+glibc that has what the code calls.
 """
 
 import argparse
@@ -37,6 +38,8 @@ def _compiler(machine: str) -> str | None:
 
 
 def _write(machine: str, folder: Path) -> int:
+    if machine not in COMPILERS:
+        return _without(machine, f"they are for {' and '.join(COMPILERS)}")
     compiler = _compiler(machine)
     if compiler is None:
         return _without(machine, f"there is no {COMPILERS[machine]}; on Debian: apt-get install {_package(machine)}")
@@ -47,7 +50,10 @@ def _write(machine: str, folder: Path) -> int:
         said = build(compiled, machine, compiler)
         if not library_path(compiled, machine).is_file():
             return _without(machine, said)
-        platform = f"manylinux_2_{_oldest_glibc(compiled)}_{machine}"
+        glibc = _oldest_glibc(compiled)
+        if glibc is None:
+            return _without(machine, f"{compiler} compiles for another C library than glibc")
+        platform = f"manylinux_2_{glibc}_{machine}"
         command = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
         options = ["-C", f"--build-option=--plat-name={platform}", "-w", str(folder)]
         code = subprocess.run([*command, *options, str(source)], check=False).returncode  # noqa: S603
@@ -75,11 +81,11 @@ def _copy_to(folder: Path) -> None:
             shutil.copy(_ROOT / part, folder / part)
 
 
-def _oldest_glibc(compiled: Path) -> int:
-    """Return the n of the oldest glibc 2.n that has all that the libraries call."""
+def _oldest_glibc(compiled: Path) -> int | None:
+    """Return the n of the oldest glibc 2.n that has all that the libraries call; None where it is another library."""
     command = ["readelf", "-W", "--dyn-syms", *map(str, compiled.glob("_flight*.so"))]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stdout  # noqa: S603
-    return max(int(minor) for minor in _VERSION.findall(said))
+    return max((int(minor) for minor in _VERSION.findall(said)), default=None)
 
 
 if __name__ == "__main__":

@@ -185,6 +185,8 @@ def unpacked(chunk: Chunk) -> list[McapRecord]:
     found: list[McapRecord] = []
     for kind, begin, end in _records_in(data):
         if kind == Opcode.MESSAGE:
+            if end - begin < _MESSAGE.size:
+                raise EndOfFile
             channel_id, sequence, log_ns, publish_ns = _MESSAGE.unpack_from(data, begin)
             found.append(Message(channel_id, log_ns, data[begin + _MESSAGE.size : end], publish_ns, sequence))
         elif kind in {Opcode.CHANNEL, Opcode.SCHEMA}:

@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.exceptions import EndOfFile
 from mcap.opcode import Opcode
+from mcap.records import Chunk, Message
 from mcap.writer import CompressionType, Writer
 
 from companion.analysis.replay.laws import config_of
@@ -21,7 +23,7 @@ from companion.analysis.report.recorded_flight import Flown
 from companion.core.interfaces import CompanionError
 from companion.records.flight_summary import summarize_flight
 from companion.records.index import NAME, flight_summaries
-from companion.records.mcap_file import MAGIC
+from companion.records.mcap_file import MAGIC, unpacked
 from companion.records.read import RecordError, read_flight
 from companion.records.recorder import Recorder
 from companion.supervisor.flight_state import Phase
@@ -316,3 +318,12 @@ def test_a_flight_in_which_no_law_ran_has_no_law(tmp_path: Path) -> None:
     assert summarize_flight(path).law == ""
     assert read_flight(path).laws == ()
     assert not read_flight(path).law_flew
+
+
+def test_a_message_that_is_shorter_than_its_head_makes_a_damaged_chunk() -> None:
+    whole = struct.pack("<BQHIQQ", Opcode.MESSAGE, 24, 7, 1, 2, 3) + b"{}"
+    (message,) = unpacked(Chunk("", whole, 0, 0, 0, len(whole)))
+    assert message == Message(channel_id=7, log_time=2, data=b"{}", publish_time=3, sequence=1)
+    cut = struct.pack("<BQHI", Opcode.MESSAGE, 6, 7, 1) + whole
+    with pytest.raises(EndOfFile):
+        unpacked(Chunk("", cut, 0, 0, 0, len(cut)))

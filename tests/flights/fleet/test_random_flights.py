@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from companion.config.companion_config import CompanionConfig
+from companion.config.separation_config import SeparationConfig
 from companion.supervisor.flight_state import Phase, TrackRequest
 from companion.trajectories.room_check import check_trajectory
 from tests.flights.fleet.judge import EVERY, STEP_S, Judge, Limit
@@ -60,8 +61,8 @@ LIMIT = Limit(1.2, 1.6, 1.0)
 
 
 def test_the_limits_are_the_configurations() -> None:
-    separation = CompanionConfig().separation
-    assert limit_of(CompanionConfig()) == Limit(separation.radius_m, separation.height_m, separation.parked_height_m)
+    separation = SeparationConfig(radius_m=1.3, height_m=1.7, parked_height_m=1.1)
+    assert limit_of(CompanionConfig(separation=separation)) == Limit(1.3, 1.7, 1.1)
 
 
 class _Stub:
